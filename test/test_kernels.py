@@ -21,8 +21,9 @@ from collision_response import Geometry, ImpactError, ImpactModel, Law, Precisio
 from collision_response.impact import ImpactNumbers, impact
 from collision_response.kernels.layout import Layout, names_of_body
 from collision_response.kernels.tracer import headers
+from collision_response.kernels.tracer.branches import BRANCHES
 from collision_response.kernels.tracer.constants import FORMULAS
-from collision_response.kernels.tracer.emit import BRANCHES, emit
+from collision_response.kernels.tracer.emit import emit
 from collision_response.kernels.tracer.headers import FALLBACK_ARGUMENTS
 from collision_response.kernels.tracer.inputs import kernel_inputs
 from collision_response.kernels.tracer.simd_pairs import PAIR, pair_bodies

@@ -1,15 +1,8 @@
 """Write a tape as a C++ function template.
 
 Each operation becomes one statement. The template's parameter, the number type ``N``, does the arithmetic.
-
-Not every result needs all that ``N`` carries, so each number has one of three C++ types:
-
-    BOUNDED   ``N``           the number with its error bound
-    VALUE     ``Value<N>``    the same number without its error bound
-    REPORT    ``Report<N>``   the number rounded to its base, float or double
-
-Not every request needs every operation either. What only one branch of a choice needs may stand in an ``if``,
-which is entered if any lane of the vectors may take that branch. The results are the same to the bit.
+``cpp_types.py`` says how much of ``N`` each number needs, and ``branches.py`` which operations stand in an
+``if``.
 
 Where numbers carry derivatives, the body of a loop is written twice: first for the values, then for the
 derivatives of those parts of the state that a result needs.
@@ -20,23 +13,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from enum import IntEnum
 from itertools import groupby
-from typing import TypeAlias
 
+from .branches import ALWAYS, Guard, compute_guards, without_negation
+from .cpp_types import CppType, least_type_in_loops, needed_types, types_in_loop
 from .simd_pairs import PAIR
-from .symbol import CONDITIONS, Loop, Node, Symbol, Tape
+from .symbol import CONDITIONS, CONSTANTS, Loop, Node, Symbol, Tape
 
-
-class CppType(IntEnum):
-    """The C++ type of a number. A greater member carries more, and can be cast to a lesser one."""
-
-    REPORT = 0
-    VALUE = 1
-    BOUNDED = 2
-
-
-CONSTANTS = ("constant", "truth", "given_roundoff")
 _SPELLING = {CppType.REPORT: "Report<N>", CppType.VALUE: "Value<N>", CppType.BOUNDED: "N"}
 _CASTS = {CppType.REPORT: "report", CppType.VALUE: "value"}
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "and": "&", "or": "|"}
@@ -74,10 +57,8 @@ def emit(
     tape = (bounded + reported + flags)[0].tape
     wanted = [(x.index, CppType.BOUNDED) for x in [*bounded, *certainties]]
     wanted += [(x.index, CppType.REPORT) for x in [*reported, *flags]]
-    types = _needed_types(tape, wanted)
-    guards = (
-        {} if branches is None else _compute_guards(tape, types, {index for index, _ in wanted}, branches)
-    )
+    types = needed_types(tape, wanted)
+    guards = {} if branches is None else compute_guards(tape, types, {index for index, _ in wanted}, branches)
     writer = _TapeWriter(tape, types, "t", {name: i for i, name in enumerate(inputs)}, None, guards)
     lines = list(writer.lines())
     lines += [f"bounded[{i}] = {writer.use(x.index, CppType.BOUNDED)};" for i, x in enumerate(bounded)]
@@ -93,143 +74,6 @@ def emit(
         f"INLINE void {name}({parameters}{', const F& law' if has_law else ''}) {{\n"
         f"  (void)in; (void)bounded; (void)reported; (void)flags;\n{body}\n}}\n"
     )
-
-
-def _needed_types(tape: Tape, wanted: Iterable[tuple[int, CppType]]) -> dict[int, CppType]:
-    """For each operation that the wanted results depend on: the type that its result must have."""
-    types: dict[int, CppType] = {}
-
-    def need(index: int, cpp_type: CppType) -> None:
-        types[index] = max(types.get(index, CppType.REPORT), cpp_type)
-
-    for index, cpp_type in wanted:
-        need(index, cpp_type)
-    for index in range(len(tape.nodes) - 1, -1, -1):
-        if index not in types:
-            continue
-        node, cpp_type = tape.nodes[index], types[index]
-        if node.op == "certain":
-            need(node.args[0], min(cpp_type, CppType.VALUE))
-        elif node.op == "error_of":
-            need(node.args[0], CppType.BOUNDED)
-        elif node.op in ("call", "result"):
-            types[index] = CppType.BOUNDED
-            for arg in node.args:
-                need(arg, CppType.BOUNDED)
-        elif node.op == "widened":
-            need(node.args[0], cpp_type)
-            if cpp_type is CppType.BOUNDED:
-                need(node.args[1], CppType.VALUE)
-        elif node.op == "loop":
-            body_types, state_types = _types_in_loop(tape, types, index)
-            loop: Loop = node.value
-            for part in _parts(tape, types, index):
-                types[part] = state_types[tape.nodes[part].value]
-            for arg, state_type in zip(node.args, state_types, strict=True):
-                need(arg, state_type)
-            for inner, inner_type in body_types.items():
-                if loop.tape.nodes[inner].op == "outer":
-                    need(loop.tape.nodes[inner].value, inner_type)
-        else:
-            is_differentiated_loop = tape.of_derivatives and tape.parent is not None
-            sources = _sources(node) if is_differentiated_loop else node.args
-            for arg in node.args:
-                need(arg, cpp_type if arg in sources else CppType.REPORT)
-    return types
-
-
-def _parts(tape: Tape, indices: Iterable[int], loop: int) -> list[int]:
-    """Return those of ``indices`` that are parts of the result of ``loop``."""
-    nodes = tape.nodes
-    return [index for index in indices if nodes[index].op == "part" and nodes[index].args[0] == loop]
-
-
-def _types_in_loop(
-    tape: Tape, types: dict[int, CppType], index: int
-) -> tuple[dict[int, CppType], list[CppType]]:
-    """Return the types of the operations in the body of a loop, and of the parts of its state.
-
-    Where numbers carry derivatives, those have the type VALUE whose derivatives are needed for the result.
-    """
-    loop: Loop = tape.nodes[index].value
-    nodes, least = loop.tape.nodes, _least_type_in_loops(tape)
-    state_types = [least for _ in loop.state_after]
-    for part in _parts(tape, types, index):
-        state_types[tape.nodes[part].value] = max(least, min(types[part], CppType.VALUE))
-    while True:
-        wanted = zip(loop.state_after, state_types, strict=True)
-        body_types = _needed_types(loop.tape, [(loop.condition, least), *wanted])
-        before = list(state_types)
-        for inner, inner_type in body_types.items():
-            if nodes[inner].op == "state":
-                state_types[nodes[inner].value] = max(state_types[nodes[inner].value], inner_type)
-        if state_types == before:
-            break
-    for inner in sorted(body_types) if tape.of_derivatives else ():
-        may_vary = nodes[inner].op in ("state", "outer")
-        if not may_vary and all(body_types[arg] is least for arg in _sources(nodes[inner])):
-            body_types[inner] = least
-    return body_types, state_types
-
-
-def _least_type_in_loops(tape: Tape) -> CppType:
-    return CppType.REPORT if tape.of_derivatives else CppType.VALUE
-
-
-def _sources(node: Node) -> tuple[int, ...]:
-    """The operands on whose derivatives those of the result depend, in the body of a loop."""
-    if node.op in CONDITIONS:
-        return ()
-    return node.args[1:] if node.op in ("select", "varying_as") else node.args
-
-
-Guard: TypeAlias = frozenset[tuple[int, bool]]
-"""When an operation is needed: only if each of these conditions may have this value."""
-
-ALWAYS: Guard = frozenset()
-
-BRANCHES = 12
-"""How many additions an ``if`` must save to be worth it."""
-
-BRANCHES_OF_PLAIN_NUMBERS = 80
-"""The same for kernels that run on vectors of plain numbers only: additions are cheap there, and the lanes of
-a vector rarely all take the same branch."""
-
-
-def _compute_guards(
-    tape: Tape, types: dict[int, CppType], results: Iterable[int], branches: int = BRANCHES
-) -> dict[int, Guard]:
-    """Find when each operation is needed, by conditions that save at least ``branches`` additions."""
-    guards: dict[int, Guard] = dict.fromkeys(results, ALWAYS)
-
-    def need(index: int, guard: Guard) -> None:
-        guards[index] = guards[index] & guard if index in guards else guard
-
-    for index in sorted(types, reverse=True):
-        node, guard = tape.nodes[index], guards[index]
-        if node.op == "select":
-            condition, is_negated = _without_negation(tape, node.args[0])
-            need(node.args[0], guard)
-            need(node.args[1], guard | {(condition, not is_negated)})
-            need(node.args[2], guard | {(condition, is_negated)})
-        else:
-            for operand in node.operands():
-                need(operand, guard)
-    saved: dict[tuple[int, bool], int] = {}
-    for index, guard in guards.items():
-        for literal in guard:
-            saved[literal] = saved.get(literal, 0) + _WEIGHTS.get(tape.nodes[index].op, 1)
-    return {index: frozenset(x for x in guard if saved[x] >= branches) for index, guard in guards.items()}
-
-
-_WEIGHTS = {"div": 6, "sqrt": 6, "loop": 100, "call": 100}
-_WEIGHTS |= dict.fromkeys(("input", *CONSTANTS, "part", "result", "neg"), 0)
-
-
-def _without_negation(tape: Tape, condition: int) -> tuple[int, bool]:
-    """A condition without its negation, and whether it was negated."""
-    node = tape.nodes[condition]
-    return (node.args[0], True) if node.op == "not" else (condition, False)
 
 
 @dataclass(frozen=True)
@@ -276,11 +120,11 @@ class _TapeWriter:
         def choice(index: int) -> int | None:
             """The condition of a choice, if there are branches by it."""
             condition = nodes[index].args[0] if nodes[index].op == "select" else None
-            if condition is None or _without_negation(self.tape, condition)[0] not in branched:
+            if condition is None or without_negation(self.tape, condition)[0] not in branched:
                 return None
             return condition
 
-        indices = [index for index in self._order() if nodes[index].op not in (*CONSTANTS, "part", "result")]
+        indices = [index for index in self._order() if nodes[index].op not in {*CONSTANTS, "part", "result"}]
         position = {index: i for i, index in enumerate(indices)}
         for guard, run in groupby(indices, lambda index: self.guards.get(index, ALWAYS)):
             guarded = list(run)
@@ -327,7 +171,7 @@ class _TapeWriter:
         node, cpp_type = self.tape.nodes[index], self.types[index]
         if node.op == "loop":
             names: dict[CppType, list[str]] = {CppType.VALUE: [], CppType.REPORT: []}
-            for i, state_type in enumerate(_types_in_loop(self.tape, self.types, index)[1]):
+            for i, state_type in enumerate(types_in_loop(self.tape, self.types, index)[1]):
                 names[state_type].append(f"{self.prefix}{index}_{i}")
             return " ".join(f"{_SPELLING[type_]} {', '.join(some)};" for type_, some in names.items() if some)
         if node.op == "call":
@@ -418,9 +262,9 @@ class _TapeWriter:
         """A loop: its values, and the derivatives of those parts of the state that need them."""
         node, name = self.tape.nodes[index], f"{self.prefix}{index}"
         loop: Loop = node.value
-        body_types, state_types = _types_in_loop(self.tape, self.types, index)
-        least = _least_type_in_loops(self.tape)
-        condition_types = _needed_types(loop.tape, [(loop.condition, least)])
+        body_types, state_types = types_in_loop(self.tape, self.types, index)
+        least = least_type_in_loops(self.tape)
+        condition_types = needed_types(loop.tape, [(loop.condition, least)])
         types = dict.fromkeys(body_types, least) if self.tape.of_derivatives else body_types
         body = _TapeWriter(loop.tape, types, f"{name}_body", self.inputs, self, {})
         for i, arg in enumerate(node.args):
@@ -469,7 +313,7 @@ class _DualWriter(_TapeWriter):
     @classmethod
     def of(cls, loop: Loop, name: str, types: dict[int, CppType], values: _TapeWriter) -> _DualWriter:
         """The writer for those operations of the body of a loop that carry derivatives."""
-        guards = _compute_guards(loop.tape, types, [index for index in loop.state_after if index in types])
+        guards = compute_guards(loop.tape, types, [index for index in loop.state_after if index in types])
         return cls(loop.tape, types, f"{values.prefix}_d", {}, values.parent, guards, values, f"{name}_")
 
     def blocks(self, new_state: dict[int, int]) -> Iterable[str]:

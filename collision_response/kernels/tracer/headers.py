@@ -18,8 +18,9 @@ from ...physics.tensor import ZERO_TENSOR
 from ...physics.vector import Vec3
 from ..layout import Layout, names_of_body
 from ..protocol import ValidityFlag
+from .branches import BRANCHES, BRANCHES_OF_PLAIN_NUMBERS
 from .constants import FORMULAS, LAW_ARGUMENTS, constants, offsets
-from .emit import BRANCHES, BRANCHES_OF_PLAIN_NUMBERS, emit
+from .emit import emit
 from .inputs import kernel_inputs
 from .simd_pairs import pair_bodies
 from .symbol import CONDITIONS, Node, Symbol, Tape, rebuilt

@@ -20,6 +20,9 @@ from ...numbers.operations import numbers_in
 CONDITIONS = frozenset({"truth", "lt", "le", "eq", "and", "or", "not"})
 """The operations whose result is a truth value."""
 
+CONSTANTS = frozenset({"constant", "truth", "given_roundoff"})
+"""The operations whose result does not depend on any input."""
+
 _COMMUTATIVE = frozenset({"add", "mul", "eq", "and", "or"})
 _ON_CONSTANTS: dict[str, Callable[..., Any]] = {
     "add": operator.add,
