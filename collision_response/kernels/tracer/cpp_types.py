@@ -77,8 +77,8 @@ def types_in_loop(
 ) -> tuple[dict[int, CppType], list[CppType]]:
     """Return the types of the operations in the body of a loop, and of the parts of its state.
 
-    Where numbers carry derivatives, one in a loop has the type VALUE if the result needs its derivatives, else
-    REPORT.
+    Where numbers carry derivatives, one in a loop has the type VALUE if the result needs its derivatives,
+    else REPORT.
     """
     loop: Loop = tape.nodes[index].value
     nodes, least = loop.tape.nodes, least_type_in_loops(tape)
