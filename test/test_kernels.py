@@ -33,12 +33,14 @@ from collision_response.numbers.operations import (
     certain,
     choose,
     error_of,
+    fixed,
     iterate,
     maximum,
     minimum,
     negation,
     numbers_in,
     square_root,
+    varying_as,
     widened,
 )
 from collision_response.physics.effective_mass import ContactKinematics
@@ -437,6 +439,70 @@ def test_emitted_code_computes_its_formula(library, name, kind):
             assert (value, reported) == (expected, expected)
         if kind == "double" or name == "newtons_root":
             assert error <= abs(value) * 2.0**-52  # a loop carries no error, only what follows it does
+
+
+DIFFERENTIATED = {
+    "x + y": lambda x, y: x + y,
+    "x + 2": lambda x, y: x + 2,
+    "x - y": lambda x, y: x - y,
+    "x - 2": lambda x, y: x - 2,
+    "2 - x": lambda x, y: 2 - x,
+    "-x": lambda x, y: -x,
+    "x y": lambda x, y: x * y,
+    "3 x": lambda x, y: 3 * x,
+    "x / y": lambda x, y: x / y,
+    "x / 3": lambda x, y: x / 3,
+    "3 / x": lambda x, y: 3 / x,
+    "root": lambda x, y: square_root(x),
+    "either": lambda x, y: choose(x < y, lambda: x, lambda: y),
+    "x or 2": lambda x, y: choose(x < y, lambda: x, lambda: 2.0),
+    "2 or y": lambda x, y: choose(x < y, lambda: 2.0, lambda: y),
+    "varying as": lambda x, y: varying_as(x, lambda: x * y),
+    "fixed": lambda x, y: fixed(x) * y + fixed(2 * y),
+    "branches": lambda x, y: choose(x < y, lambda: quotients(x, y), lambda: quotients(y, x) * x),
+}
+
+
+def once_in_a_loop(formula, x, y):
+    """``formula(x, y)`` for ``y > 0``, by a loop that ends after one iteration."""
+    return iterate(
+        Newton(x, y), lambda at: at.before > 0, lambda at: Newton(formula(at.root, y), -at.before), 9
+    ).root
+
+
+@pytest.fixture(scope="module")
+def derivatives(tmp_path_factory) -> ctypes.CDLL:
+    """Each formula compiled for dual numbers, in a loop and without one."""
+    source = '#include "dual.hpp"\nusing N = Dual<Bounded<double>, DenseDerivatives>;\n'
+    ways = {"straight": lambda formula, x, y: formula(x, y), "loop": once_in_a_loop}
+    for (i, formula), (way, compute) in product(enumerate(DIFFERENTIATED.values()), ways.items()):
+        tape = Tape(of_derivatives=True)
+        result = tape.symbol(compute(formula, tape.input("x"), tape.input("y")))
+        assert any(node.op == "loop" for node in tape.nodes) is (way == "loop")
+        source += emit(f"{way}_{i}", ["x", "y"], [result], branches=BRANCHES)
+        source += f"""
+extern "C" void derive_{way}_{i}(double x, double y, double* to) {{
+  N in[2] = {{{{{{x, 0}}}}, {{{{y, 0}}}}}}, bounded[1];
+  in[0].d.d[0][1] = in[1].d.d[3][2] = 1;
+  {way}_{i}<N>(in, bounded, nullptr, nullptr);
+  to[0] = bounded[0].value.value; to[1] = bounded[0].d.d[0][1]; to[2] = bounded[0].d.d[3][2];
+}}
+"""
+    return compile_library(source, tmp_path_factory.mktemp("derivatives"))
+
+
+@pytest.mark.parametrize("name", DIFFERENTIATED)
+def test_a_loop_has_the_derivatives_of_its_formula(derivatives, name):
+    """A loop is differentiated by operators of its own. Both round each operation a few times."""
+    for x, y in product((0.3, 1.0, 2.5), (0.7, 2.0, 40.0)):
+        found = []
+        for way in ("straight", "loop"):
+            to = (ctypes.c_double * 3)()
+            function = getattr(derivatives, f"derive_{way}_{[*DIFFERENTIATED].index(name)}")
+            function(ctypes.c_double(x), ctypes.c_double(y), to)
+            found.append(list(to))
+        assert found[0][0] == found[1][0]
+        assert found[1] == pytest.approx(found[0], rel=1e-14, abs=1e-15)
 
 
 # The laws: traced, and compiled.

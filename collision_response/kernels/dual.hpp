@@ -219,9 +219,6 @@ INLINE Block operator/(const Dual4& a, const Dual4& b) { return (a.d - a.value /
 INLINE Block operator/(const Dual4& a, double b) { return a.d * (1 / b); }
 INLINE Block operator/(double a, const Dual4& b) { return -(a / b.value * b.d) * (1 / b.value); }
 INLINE Block root(const Dual4& a) { return a.d * slope_of_root(root(a.value)); }
-INLINE Block choose(bool c, const Dual4& a, const Dual4& b) { return c ? a.d : b.d; }
-INLINE Block choose(bool c, const Dual4& a, double) { return c ? a.d : Block{}; }
-INLINE Block choose(bool c, double, const Dual4& b) { return c ? Block{} : b.d; }
 template <class X> INLINE Block varying_as(const X&, const Dual4& y) { return y.d; }
 
 // Give the state of a loop the edges of all numbers that the loop reads.

@@ -347,13 +347,16 @@ class _DualWriter(_TapeWriter):
         return f"Block {self.prefix}{index};"
 
     def _choices(self, condition: int, indices: list[int], *, declared: bool) -> Iterable[str]:
-        for index in indices:
+        for index in indices:  # one by one: each reads only the branch that is taken
             yield from self._operation(index, declared=declared)
 
     def _expression(self, index: int, cpp_type: CppType) -> str:
         node = self.tape.nodes[index]
         if node.op in ("state", "outer"):
             return f"{self._dual(node)}.d.d[block]"
+        if node.op == "select":
+            condition, if_true, if_false = (self.use(arg, cpp_type) for arg in node.args)
+            return f"{condition} ? derivatives_of({if_true}) : derivatives_of({if_false})"
         return super()._expression(index, cpp_type)
 
 
