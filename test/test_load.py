@@ -38,7 +38,7 @@ from collision_response.ros.scenes import MAX_BODIES
 from collision_response.ros.server import SERVICE_QOS
 from collision_response.ros.states import LatestStates
 from collision_response.ros.take_all import RCLError
-from collision_response.srv import ResolveCollision
+from collision_response.srv import ResolveCollision, ResolveCollisionBatch, ResolveScene
 
 EXTENDED = ImpactModel(precision=Precision.EXTENDED)
 
@@ -139,6 +139,27 @@ def test_too_many_names_are_refused_by_name(graph):
     assert response.message == (
         "names: holds 21 names; budget.contacts is 10, and that many contacts have at most 20 bodies"
     )
+
+
+class Unsplit(str):
+    """Names that are not to be split into lines: tens of millions would hold up other clients for seconds."""
+
+    def split(self, *_):
+        raise AssertionError
+
+
+@pytest.mark.parametrize("number", [10**6, 3 * 10**7])
+@pytest.mark.parametrize("kind", [ResolveCollisionBatch, ResolveScene])
+def test_far_too_many_names_are_only_counted(shared_node, kind, number):
+    request = falling(1) if kind is ResolveCollisionBatch else crowd(2)
+    request.names = Unsplit("\n" * (number - 1))
+    node, states = shared_node.node, LatestStates(10, lambda: 0, pytest.fail)
+    if kind is ResolveCollisionBatch:
+        service = batches.BatchService(node.parameters, states)
+    else:
+        service = scenes.SceneService(node.parameters, states, SimpleNamespace(add=lambda *_: None))
+    with pytest.raises(ImpactError, match=f"(holds|has) {number}[ ;]"):
+        next(service.answer(request))
 
 
 def test_a_scene_of_too_many_bodies_is_refused_by_name(shared_node):

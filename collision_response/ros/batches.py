@@ -38,7 +38,7 @@ from .body_lookup import (
 from .parameters import LatestParameters, Parameters
 from .server import Work
 from .states import LatestStates
-from .tables import LAYOUTS, Array, Request, Response, names_in, result_in, table_in, zeros_in
+from .tables import LAYOUTS, Array, Request, Response, number_of_names, result_in, table_in, zeros_in
 
 
 class BatchBodies(NamedTuple):
@@ -203,18 +203,18 @@ def bodies_of(
         StateNotYetReceived: if the request has ``not_before``, and a state is older than that or unknown.
         ImpactError: SAME_BODY, or BUDGET_EXCEEDED for too many names.
     """
-    count, names = table.shape[1], names_in(request)
-    codes = np.zeros(count + len(names), np.uint8)
-    if not names:
-        return BatchBodies(table, codes, [], [], [])
-
+    count, number = table.shape[1], number_of_names(request)
     max_names = 2 * parameters.budget_contacts
-    if len(names) > max_names:
+    if number > max_names:
         reason = (
-            f"holds {len(names)} names; budget.contacts is {parameters.budget_contacts}, and that many "
+            f"holds {number} names; budget.contacts is {parameters.budget_contacts}, and that many "
             f"contacts have at most {max_names} bodies"
         )
         raise ImpactError(StatusCode.BUDGET_EXCEEDED, "names", reason)
+    codes = np.zeros(count + number, np.uint8)
+    if not number:
+        return BatchBodies(table, codes, [], [], [])
+    names = request.names.split("\n")
     check_distinct(names)
     columns, errors = np.full((len(table), len(names)), math.nan), []
     stamps, ages = [Time()] * len(names), [math.nan] * len(names)

@@ -36,7 +36,7 @@ from .body_lookup import (
 from .parameters import LatestParameters, Parameters
 from .server import Work
 from .states import LatestStates
-from .tables import names_in, table_in
+from .tables import number_of_names, table_in
 
 CONTACT_ROWS = ("x", "y", "z", "nx", "ny", "nz", "e", "mu")
 """Rows of ``ResolveScene.contacts``."""
@@ -155,17 +155,18 @@ def bodies_of(
     """
     table = table_in("bodies", request.bodies, ROWS)
     count = table.shape[1]
-    names_given = names_in(request)
-    if max(count, len(names_given)) > MAX_BODIES:
-        reason = f"has {max(count, len(names_given))}; a scene may have {MAX_BODIES}"
+    most = max(count, number_of_names(request))
+    if most > MAX_BODIES:
+        reason = f"has {most}; a scene may have {MAX_BODIES}"
         raise ImpactError(StatusCode.BUDGET_EXCEEDED, "bodies", reason)
-    names = names_given or [f"body {i}" for i in range(count)]
+    names = request.names.split("\n") if request.names else [f"body {i}" for i in range(count)]
     if len(names) < count:
         reason = f"must be empty, or have a line for each of the {count} bodies at least; has {len(names)}"
         raise ImpactError(StatusCode.INVALID_TABLE, "names", reason)
     check_distinct(names)
     check_immovable(request.immovable, count)
-    immovable, columns = set(request.immovable), table.T.tolist()
+    columns, immovable = table.T.tolist(), np.zeros(count, bool)
+    immovable[np.asarray(request.immovable)] = True
     finder = StateFinder("header", request.header, request.not_before, states, parameters)
     bodies: list[SceneBody] = []
     for i, name in enumerate(names):
@@ -173,7 +174,7 @@ def bodies_of(
             yield
         if i < count:
             owner, state, used = f"bodies[{i}]", IN_TABLE, GIVEN_IN_FULL
-            body = _body_in_table(owner, columns[i], is_immovable=i in immovable)
+            body = _body_in_table(owner, columns[i], is_immovable=immovable[i])
         else:
             owner = f"names[{i}]"
             state, used = finder.find(owner, owner, name)
