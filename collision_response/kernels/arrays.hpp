@@ -31,12 +31,7 @@ struct Array {
   bool overlaps(const Array& other) const { return at() < other.at(other.view.len) && other.at() < at(view.len); }
 };
 
-// Open arrays in this order, the second list for writing. Return whether all are arrays.
-inline bool open_arrays(PyObject* const* objects, std::initializer_list<Array*> read,
-                        std::initializer_list<Array*> written = {}) {
-  for (Array* array : read)
-    if (!array->open(*objects++)) return false;
-  for (Array* array : written)
-    if (!array->open(*objects++, true)) return false;
-  return true;
+// Open arrays in this order. Return whether all are arrays.
+inline bool open_arrays(PyObject* const* objects, std::initializer_list<Array*> arrays, bool writable = false) {
+  return std::all_of(arrays.begin(), arrays.end(), [&](Array* one) { return one->open(*objects++, writable); });
 }

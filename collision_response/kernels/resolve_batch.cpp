@@ -203,7 +203,7 @@ PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
 // arrays.
 PyObject* find_independent_sets(PyObject*, PyObject* const* args, Py_ssize_t count) {
   Array pairs, movable, order, starts;
-  if (count != 4 || !open_arrays(args, {&pairs, &movable}, {&order, &starts}))
+  if (count != 4 || !open_arrays(args, {&pairs, &movable}) || !open_arrays(args + 2, {&order, &starts}, true))
     return PyErr_Format(PyExc_TypeError, "find_independent_sets() takes four arrays");
   long n = static_cast<long>(order.view.shape[0]), sets;
   ContactPairs body_pairs{pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, movable.view.shape[0]};

@@ -12,7 +12,7 @@
 // contact_pairs.hpp, and returns how many there are.
 PyObject* find_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
   Array pairs, movable, order, starts, cluster;
-  if (count != 5 || !open_arrays(args, {&pairs, &movable}, {&order, &starts, &cluster}))
+  if (count != 5 || !open_arrays(args, {&pairs, &movable}) || !open_arrays(args + 2, {&order, &starts, &cluster}, true))
     return PyErr_Format(PyExc_TypeError, "find_clusters() takes five arrays");
   long n = static_cast<long>(order.view.shape[0]), found;
   ContactPairs who{pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, movable.view.shape[0]};
