@@ -205,6 +205,24 @@ def test_the_error_is_within_the_bound_where_the_spring_turns_fast(name, K):
     assert impact.error_bound < (0.01 if kappa > 100 else 1e-5)
 
 
+@pytest.mark.parametrize("mu", [3.0, 10.0, 30.0, 100.0, 1e3])
+@pytest.mark.parametrize(
+    ("K", "u"),
+    [
+        (X1, (10.0, -20.0, -0.5)),
+        (X1, (0.5, -1.0, -0.5)),
+        (LIGHT, (-20.0, -8.0, -0.3)),
+        (LIGHT, (-10.0, 3.0, -1.0)),
+    ],
+)
+def test_much_friction_in_space_leaves_digits(K, u, mu):
+    """Friction couples the error of the normal force to slip, so the bound grows, but not out of use."""
+    impact = resolve_contact(K, u, (0, 0, 1), 0.6, mu, ImpactModel(Law.COMPLIANT, stiffness_ratio=0.8))
+    P = springs_in_space(K, u, 0.6, mu, 0.8)
+    assert np.linalg.norm(impact.impulse - P) <= impact.error_bound * np.linalg.norm(P)
+    assert impact.error_bound < 1e-4
+
+
 @pytest.mark.parametrize("mu", [1e-4, 1e-6, 1e-9, 1e-12, 1e-15, 1e-100, 1e-300])
 @pytest.mark.parametrize("u", [(1.05, 1.0, -0.75), (0.05, -0.04, -1.0), (1e3, 300.0, -1.0), (0.0, 0.0, -1.0)])
 def test_little_friction_changes_little(mu, u):

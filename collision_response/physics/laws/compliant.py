@@ -46,14 +46,24 @@ what is in between.
 
 **Error.** Let two solutions differ by ``(du, dF_t, dF_n)``. While the contact sticks,
 
-    V = du.K^-1 du + dF_t^2 / kappa + dF_n^2 / k        k = 1 in loading, 1 / e^2 in unloading
+    V = du.K^-1 du + dF_t^2 / kappa + w dF_n^2 / k        k = 1 in loading, 1 / e^2 in unloading
 
-is constant. Slip adds to it only what the normal force does to friction, ``V' <= 2 mu |a.du_t| |dF_n|``, and
-``2 mu |phi'| |dF_t| |dF_n| / kappa`` while it turns by the angle ``phi``. A change from slip to stick adds
-``mu^2 k / kappa`` of ``V``. So errors, measured by the root of ``V``, grow at most by the factor
+is constant with ``w = 1``. Slip adds to it only what the normal force does to friction. With ``a.dF_t`` left
+out of ``V``, and any ``w``,
 
-    exp(int mu (a.A a k)^(1/2) / 2 dt + mu (k / kappa)^(1/2) / 2 |d phi|)    over the slip
-    (1 + mu^2 k / kappa)^(1/2)                                               at each change to stick
+    V' <= 2 |v.du| |dF_n| + 2 mu |phi'| |dF_t| |dF_n| / kappa        v = (w - 1) n + mu a
+
+while it turns by the angle ``phi``. A change to slip multiplies ``V`` by up to ``w``, and so does a slip at
+first touch. A change to stick adds ``(a.dF_t)^2 / kappa = mu^2 dF_n^2 / kappa``. So errors, measured by the
+root of ``V``, grow at most by the factor
+
+    exp(int (v.K v k / w)^(1/2) / 2 dt + mu (k / (kappa w))^(1/2) / 2 |d phi|)    over the slip
+    w^(1/2)                                                                     at each change to slip
+    max(1, (1 + mu^2 k / kappa) / w)^(1/2)                                      at each change to stick
+
+Of each slip, the lesser of two factors counts: with ``w = 1``, and with ``w = max(1, mu tr(A)^(1/2))``, which
+makes the exponent of order ``(mu tr(A)^(1/2))^(1/2)`` in place of ``mu tr(A)^(1/2)``: much friction leaves
+digits.
 
 The errors of the data and of the steps, times this factor, divided by the root of the least eigenvalue of
 ``K``, bound ``dP`` to first order. The factor ``SAFETY`` covers the times when only one of two near solutions
@@ -248,7 +258,7 @@ def _error(
     data_error = data_error + errors.mu * P_n * square_root(certain(A11 + A22))
     data_error = data_error + (4 * errors.kappa / kappa + PLANAR) * size
     data_error = data_error + choose(plastic, lambda: e * y.F_max, lambda: o)
-    E = SAFETY * (data_error + y.step_error) * y.growth
+    E = SAFETY * (data_error + y.step_error) * minimum(y.growth, y.weighted)
     # Without restitution the impact ends where u_n is 0. If not, the forces acted too long or too short.
     # More friction than GREATEST_FRICTION would hold until F_n is 0, and not only until kappa |x| = mu F_n.
     grip = choose(y.slips > 0, lambda: -mu * y.F, lambda: one)
@@ -292,4 +302,7 @@ def _start(springs: Springs) -> State:
     slip = choose(slips, lambda: one, lambda: o)
     h = 0.1 / square_root(fastest)
     sticks = choose(slips, lambda: o, lambda: one)
-    return State(a1, a2, F, -mu * P * slip, -mu * P * turned * slip, P, slip, o, F, h, one, one, o, sticks, o)
+    weighted = square_root(choose(slips, springs.weight, lambda: one))
+    return State(
+        a1, a2, F, -mu * P * slip, -mu * P * turned * slip, P, slip, o, F, h, one, one, weighted, o, sticks, o
+    )

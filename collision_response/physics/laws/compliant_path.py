@@ -83,6 +83,10 @@ class Springs(NamedTuple):
             self.b1 * P1 + self.b2 * P2 + Pn - 1,
         )
 
+    def weight(self) -> Scalar:
+        """The weight ``w`` of errors of ``F`` during slip: see "Error" in ``compliant.py``."""
+        return maximum(1 + 0 * self.mu, self.mu * square_root(self.A11 + self.A22))
+
     def least_friction(self, s: Scalar) -> Scalar:
         """The friction at the slip speed ``s`` below which the spring turns as if there were this much."""
         return LEAST_LAG * self.kappa * s
@@ -105,6 +109,7 @@ class State(NamedTuple):
         h: length of the next step, in time.
         is_running: 1 until the impact ends.
         growth: the factor by which an initial error may have grown.
+        weighted: a second bound of that factor, from a norm in which errors of ``F`` weigh more during slip.
         step_error: the sum of the errors of the steps.
         has_stuck, has_jammed: whether it ever stuck, and whether friction ever pressed the bodies together.
     """
@@ -121,6 +126,7 @@ class State(NamedTuple):
     h: Scalar
     is_running: Scalar
     growth: Scalar
+    weighted: Scalar
     step_error: Scalar
     has_stuck: Scalar
     has_jammed: Scalar
@@ -283,7 +289,7 @@ def _accepted(motion: Motion, y: State, trial: Trial, events: list[Event]) -> St
     If it ends at one of the events, another motion begins.
     """
     springs, slips, end = motion.springs, motion.slips, trial.end
-    mu, kappa, k, one, zero = springs.mu, springs.kappa, motion.k, 1 + 0 * y.F, 0 * y.F
+    mu, one, zero = springs.mu, 1 + 0 * y.F, 0 * y.F
     switches, turns = (event.is_now() for event in events)
     delay = choose(turns, events[1].delay, lambda: zero)
     delay = choose(switches, events[0].delay, lambda: delay)
@@ -306,11 +312,7 @@ def _accepted(motion: Motion, y: State, trial: Trial, events: list[Event]) -> St
         lambda: begins,
         lambda: (y.unloads > 0) & (END * F_max >= F) & (u_n > 0),
     )
-    a_A_a = y.a1 * y.a1 * springs.A11 + 2 * y.a1 * y.a2 * springs.A12 + y.a2 * y.a2 * springs.A22
-    slid = mu * square_root(a_A_a * k) * trial.h / 2
-    turned = mu * square_root(k / kappa) * (abs(a1 - y.a1) + abs(a2 - y.a2)) / 2
-    gain = choose(slips, lambda: slid + turned, lambda: zero)
-    held = choose(slips & switches, lambda: mu * mu * k / kappa, lambda: zero)
+    turned = abs(a1 - y.a1) + abs(a2 - y.a2)
     missed = choose(switches | turns, lambda: EVENT * motion.terms, lambda: zero)
     along, across = a1 * u1 + a2 * u2, abs(a1 * u2 - a2 * u1)
     excess = springs.least_friction(along) - mu
@@ -325,11 +327,35 @@ def _accepted(motion: Motion, y: State, trial: Trial, events: list[Event]) -> St
         b1, b2, F, P1, P2, Pn, now, unloads_now, F_max,
         choose(begins, lambda: trial.next_h * springs.e, lambda: trial.next_h),
         choose(over, lambda: zero, lambda: one),
-        y.growth * _exponential(gain) * square_root(1 + held),
+        *_growths(motion, y, trial.h, turned, switches),
         y.step_error + (trial.error + STEP_ROUNDING) * trial.scale + missed,
         choose(now > 0, lambda: y.has_stuck, lambda: one),
         choose(pressed, lambda: one, lambda: y.has_jammed),
     )  # fmt: skip
+
+
+def _growths(
+    motion: Motion, y: State, h: Scalar, turned: Scalar, switches: Condition
+) -> tuple[Scalar, Scalar]:
+    """``growth`` and ``weighted`` after a step that turns the spring, and after a change that ends it."""
+    springs, slips, one = motion.springs, motion.slips, 1 + 0 * y.F
+    w, held = springs.weight(), springs.mu * springs.mu * motion.k / springs.kappa
+    growth = y.growth * _slip_growth(motion, y, h, turned, one)
+    weighted = y.weighted * _slip_growth(motion, y, h, turned, w)
+    sticks = minimum(growth * square_root(1 + held), weighted * square_root(maximum(one, (1 + held) / w)))
+    slid = choose(switches, lambda: (sticks, sticks), lambda: (growth, weighted))
+    stuck = y.growth, choose(switches, lambda: y.growth * square_root(w), lambda: y.growth)
+    return choose(slips, lambda: slid, lambda: stuck)
+
+
+def _slip_growth(motion: Motion, y: State, h: Scalar, turned: Scalar, w: Scalar) -> Scalar:
+    """The factor by which errors may grow in a step of slip, if ``w`` is the weight of that of ``F``."""
+    springs, k, mu = motion.springs, motion.k, motion.springs.mu
+    a_A_a = y.a1 * y.a1 * springs.A11 + 2 * y.a1 * y.a2 * springs.A12 + y.a2 * y.a2 * springs.A22
+    a_b = y.a1 * springs.b1 + y.a2 * springs.b2
+    v_K_v = (w - 1) * (w - 1) + 2 * (w - 1) * mu * a_b + mu * mu * a_A_a
+    push = square_root(maximum(v_K_v, 0 * v_K_v) * k / w) * h
+    return _exponential((push + mu * square_root(k / (springs.kappa * w)) * turned) / 2)
 
 
 def _longest(motion: Motion, y: State) -> Scalar:
