@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import random
 from fractions import Fraction as F
 
 import pytest
@@ -909,3 +910,143 @@ def test_a_box_that_slides_and_spins_far_faster_than_it_comes_down():
     right = Vec3(-0.413984665491, -0.133048208429, 1.5)
     assert answer.error_bound < 1e-5
     assert (impulse - right).norm() <= answer.error_bound * right.norm() + 1e-9
+
+
+UNEQUAL = (0.0, 1.0, 0.0, 0.5)
+
+
+def uneven_box(tilts, again: int = 0) -> Scene:
+    """A flat box whose corners have different restitution and normals that are off by ``tilts``; some corners
+    are given again, a little apart.
+    """
+    flat = box()
+    contacts = [
+        c._replace(normal=Vec3(*tilt, 1.0), restitution=e)
+        for c, tilt, e in zip(flat.contacts, tilts, UNEQUAL, strict=True)
+    ]
+    contacts += [c._replace(position=c.position + Vec3(0.25, 0.0, 0.0)) for c in contacts[:again]]
+    return Scene(flat.bodies, [(0, 1)] * len(contacts), contacts)
+
+
+def small_tilts(size: float, seed: int) -> list[tuple[float, float]]:
+    rng = random.Random(seed)
+    return [(rng.gauss(0, size), rng.gauss(0, size)) for _ in UNEQUAL]
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
+@pytest.mark.parametrize("power", [*range(10, 50, 4), 44, *range(50, 86, 6)])
+@pytest.mark.parametrize("which", ["one", "two", "all"])
+def test_unequal_restitutions_of_nearly_dependent_contacts(which, power, law):
+    """Normals that are off by 2^-power decide how the corners share the load, and so the restitution."""
+    size = 2.0**-power
+    level = (0.0, 0.0)
+    tilts = {
+        "one": [level, level, level, (0.0, size)],
+        "two": [(size, 0.0), level, (0.0, -size), level],
+        "all": small_tilts(size, power),
+    }[which]
+    scene = uneven_box(tilts)
+    exact = scene.in_fractions().resolve(Law.FRICTIONLESS)
+    for turn in range(4):
+        answer = reordered(scene, turn).resolve(law)
+        assert_within_bound(scene, answer, exact)
+        assert answer.contacts[0].restitution == pytest.approx(float(exact.contacts[0].restitution), rel=1e-9)
+
+
+@pytest.mark.parametrize("power", [20, 40, 44, 50, 60, 80])
+@pytest.mark.parametrize("seed", range(3))
+def test_an_undecided_restitution_of_many_contacts_has_no_bound(power, seed):
+    """Eight corners and a second box: too many for fractions."""
+    one = uneven_box(small_tilts(2.0**-power, seed), again=4)
+    top = box(mass=2.0)
+    upper = top.bodies[0]._replace(position=Vec3(0.0, 0.0, 1.5))
+    contacts = [c._replace(position=c.position + Vec3(0, 0, 1)) for c in top.contacts]
+    scene = Scene([*one.bodies, upper], one.pairs + [(2, 0)] * 4, one.contacts + contacts)
+    exact = scene.in_fractions().resolve(Law.FRICTIONLESS)
+    answer = scene.resolve(Law.FRICTIONLESS)
+    if answer.error_bound < math.inf:
+        assert_within_bound(scene, answer, exact)
+
+
+@pytest.mark.parametrize("size", [(1, 1, 1), (0.3, 0.7, 0.1), (1.1, 5.3, 0.03)])
+@pytest.mark.parametrize("levels", [1, 2, 5])
+@pytest.mark.parametrize("lift", [0.0, 0.3])
+def test_unequal_restitutions_of_flat_boxes_are_decided_in_double_double(size, levels, lift, monkeypatch):
+    """Parallel normals depend on each other to all digits, wherever the corners are."""
+    monkeypatch.setattr("collision_response.scene.apply_law._in_fractions", None)
+    x, y, z = size
+    bodies = [
+        Body.box(0.37 * (i + 1), size, position=(0.1 * i, 0, (i + 0.5) * z), velocity=(0, 0, -1))
+        for i in range(levels)
+    ]
+    floor = Body.kinematic(velocity=(0.0, 0.0, lift)) if lift else Body.static()
+    contacts = [
+        Contact.of((0.1 * i + a * x / 2, b * y / 2, i * z), (0, 0, 1), UNEQUAL[a + (1 + b) // 2])
+        for i in range(levels)
+        for a in (-1, 1)
+        for b in (-1, 1)
+    ]
+    pairs = [(i, i - 1 if i else levels) for i in range(levels) for _ in range(4)]
+    answer = resolve_scene([*bodies, floor], pairs, contacts, ImpactModel(Law.FRICTIONLESS))
+    assert answer.status is StatusCode.OK
+    assert answer.error_bound < 1e-7
+
+
+def row_between_walls(masses, count: int, e: float, mu: float) -> Scene:
+    """Balls of these masses in turn, between two walls at rest; the first one moves."""
+    row = row_of_balls(
+        [1.0] + [0.0] * (count - 1), e, [masses[i % len(masses)] for i in range(count)], number=float
+    )
+    ends = [Contact.of((-0.5, 0, 0), (1, 0, 0), e), Contact.of((count - 0.5, 0, 0), (-1, 0, 0), e)]
+    scene = Scene(
+        [*row.bodies, Body.static()], [*row.pairs, (0, count), (count - 1, count)], row.contacts + ends
+    )
+    return scene.with_contacts(friction=mu)
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("masses", [(1.0,), (1.0, 3.0), (0.1, 1.0, 10.0), (1e-6, 1.0, 1e6)])
+@pytest.mark.parametrize("count", [3, 7, 8, 9, 11, 21, 64, 65])
+def test_a_row_between_walls_gains_no_energy(count, masses, law):
+    """No velocities rebound from all contacts. More than eight contacts do not rebound at all."""
+    for e, mu in itertools.product((0.0, 0.5, 1.0), (0.0, 0.3)):
+        answer = row_between_walls(masses, count, e, mu).resolve(law)
+        before, after = answer.kinetic_energy_before, answer.kinetic_energy_after
+        assert 0 <= after <= before * (1 + 1e-12)
+        if mu == 0:
+            lost = answer.energy_lost_restitution + answer.energy_lost_friction
+            assert before - after == pytest.approx(lost, rel=1e-9, abs=1e-9 * before)
+            if e > 0 and count > 7:
+                assert Adjustment.NO_REBOUND in answer.adjustments
+                assert (Adjustment.LAW_FALLBACK in answer.adjustments) == (law is Law.MOREAU)
+
+
+DIRECTIONS = {
+    "a line": [(1, 0, 0), (-1, 0, 0)],
+    "a square": [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)],
+    "a tetrahedron": [(1, 1, 1), (-1, -1, 1), (-1, 1, -1), (1, -1, -1)],
+    "an octahedron": [tuple(s * (i == k) for i in range(3)) for k in range(3) for s in (-1, 1)],
+    "a cube": list(itertools.product((-1, 1), repeat=3)),
+}
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("name", DIRECTIONS)
+@pytest.mark.parametrize("moment", [0.0, 0.1])
+def test_balls_that_strike_one_from_symmetric_sides_rebound_alike(name, moment, law):
+    """The ball in the middle stays at rest, whatever the coefficients."""
+    for e, mu, mass in itertools.product((0.0, 0.5, 1.0), (0.0, 0.3, 5.0), (1.0, 1e3)):
+        inertia = (moment, 0, 0, moment, 0, moment)
+        bodies, contacts = [Body.dynamic(1.0, inertia)], []
+        for direction in (Vec3(*map(float, d)) for d in DIRECTIONS[name]):
+            bodies.append(Body.dynamic(mass, [mass * x for x in inertia], direction, None, direction * -1.0))
+            contacts.append(Contact.of(direction * 0.5, direction * -1.0, e, mu))
+        pairs = [(0, i + 1) for i in range(len(contacts))]
+        answer = resolve_scene(bodies, pairs, contacts, ImpactModel(law))
+        length = bodies[1].position.norm()
+        off = 1e-12 + (4 * answer.error_bound if answer.model.law is Law.COULOMB else 0)
+        assert answer.twists[0].linear.norm() <= off * mass * length
+        for impulse, twist, contact in zip(answer.impulses, answer.twists[1:], answer.contacts, strict=True):
+            expected = contact.normal * (mass * (1 + e))  # the normal is as long as the speed
+            assert (impulse - expected).norm() <= off * mass * length
+            assert (twist.linear + contact.normal * e).norm() <= off * length

@@ -531,3 +531,22 @@ def test_only_the_ratios_of_the_stiffnesses_matter(unit, mu):
         scene.resolve(Law.ROUTH_STRONGE, options={"stiffness": [k * by for k in ratios]}) for by in (1, unit)
     )
     assert one == other
+
+
+@pytest.mark.parametrize("speed", [10.0**k for k in range(0, 13, 3)])
+@pytest.mark.parametrize("mu", [0.0, 0.3])
+@pytest.mark.parametrize("e", [0.5, 1.0])
+def test_stronge_sees_an_approach_next_to_bodies_that_part_far_faster(speed, mu, e):
+    """A ball lands while another one leaves it."""
+    moment = (0.1, 0, 0, 0.1, 0, 0.1)
+    balls = [
+        Body.dynamic(1.0, moment, (0.0, 0.0, z), velocity=(0.0, 0.0, v))
+        for z, v in ((0.5, -1.0), (1.5, speed))
+    ]
+    contacts = [Contact.of((0.0, 0.0, z), (0.0, 0.0, 1.0), e, mu) for z in (0.0, 1.0)]
+    scene = Scene([*balls, Body.static()], [(0, 2), (1, 0)], contacts)
+    answer = scene.resolve(Law.ROUTH_STRONGE)
+    assert answer.status is StatusCode.OK
+    assert answer.error_bound < 1e-4
+    assert abs(answer.changes[0].linear.z - (1 + e)) <= (1 + e) * answer.error_bound
+    assert answer.changes[1].linear.norm() <= (1 + e) * answer.error_bound

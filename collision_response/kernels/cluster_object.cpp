@@ -92,14 +92,14 @@ PyObject* get_effect(PyObject* self, PyObject* args) {
   if (!impulses.are_found || !read_list(tangential, impulses.tangential)) return nullptr;
   ImpulseEffect effect = effect_of(assembly, impulses, sticks_by_slip);
   return Py_BuildValue(
-      "NNNNNN(dddd)dNNN", listed(assembly.body_count, [&](size_t b) { return make_twist(&effect.changes[6 * b]); }),
+      "NNNNNN(dddd)dNNNN", listed(assembly.body_count, [&](size_t b) { return make_twist(&effect.changes[6 * b]); }),
       listed(assembly.body_count, [&](size_t b) { return make_twist(&effect.twists[6 * b]); }),
       listed(assembly.count, [&](size_t i) { return make_vec3(&effect.impulses[3 * i]); }),
       number_list(effect.normal_velocities_before), number_list(effect.normal_velocities_after),
       listed(assembly.count, [&](size_t i) { return Py_NewRef(PyTuple_GET_ITEM(python.regimes, effect.regimes[i])); }),
       effect.energies[0], effect.energies[1], effect.energies[2], effect.energies[3], effect.error_bound,
       PyBool_FromLong(cluster.has_massless_spin), PyBool_FromLong(cluster.has_off_unit_orientation),
-      PyBool_FromLong(effect.creates_energy));
+      PyBool_FromLong(effect.creates_energy), PyBool_FromLong(effect.is_unphysical));
 }
 
 // The fields of ClusterImpulses of scene/impulses.py up to no_rebound; None if there is no answer.

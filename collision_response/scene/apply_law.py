@@ -73,7 +73,12 @@ def apply_law(
 
 
 def _by_moreau(cluster: Any, exact: RationalCluster | None, *, has_friction: bool) -> ClusterImpulses | None:
-    """Return the impulses of MOREAU, or ``None``. A locked cluster without friction is computed exactly."""
+    """Return the impulses of MOREAU, or ``None``. A locked cluster without friction is computed exactly.
+
+    If it is too large for that, it does not rebound, as MOREAU requires.
+    """
+    if exact is None and cluster.is_locked and not has_friction:
+        return None
     if exact is None or (has_friction and exact.can_rebound()):
         return moreau(cluster, has_friction=has_friction)
     if has_friction:
@@ -124,8 +129,9 @@ def _by_stronge(
         has_friction=has_friction,
         distance=lambda one, other: relative_distance(movable, changes(one), changes(other)),
     )
-    effect = effect_of(cluster, impulses, sticks_by_slip=True)
-    return impulses, effect._replace(error_bound=error + effect.error_bound)
+    bound = error + effect_of(cluster, impulses, sticks_by_slip=True).error_bound
+    impulses = impulses._replace(error=error * cluster.velocity_size(impulses.normal))
+    return impulses, effect_of(cluster, impulses, sticks_by_slip=True)._replace(error_bound=bound)
 
 
 def _exact_if_locked(cluster: Any, parts: ClusterParts) -> RationalCluster | None:

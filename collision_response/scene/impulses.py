@@ -51,6 +51,8 @@ class ImpulseEffect(NamedTuple):
         has_massless_spin: whether a body turned about an axis without inertia.
         has_off_unit_orientation: whether a quaternion was not of unit length.
         creates_energy: whether the contacts gain more energy than rounding explains.
+        is_unphysical: whether they gain energy, pull, leave their friction cones, or still approach, by more
+            than the error. As the answer of a law, that would be a fault of this package.
     """
 
     changes: list[Twist]
@@ -64,6 +66,7 @@ class ImpulseEffect(NamedTuple):
     has_massless_spin: bool
     has_off_unit_orientation: bool
     creates_energy: bool
+    is_unphysical: bool
 
 
 def effect_of(cluster: Any, impulses: ClusterImpulses, *, sticks_by_slip: bool = False) -> ImpulseEffect:

@@ -134,7 +134,9 @@ class RationalCluster:
         work = sum((x * (abs(b) + abs(a)) for x, b, a in zip(p, self._u, after, strict=True)), start=ZERO)
         massless_spins = [body.angular_velocity - body.effective_spin()[1] for body in self._bodies]
         lengths = [contact.normal.norm() for contact in self._contacts]
-        impulses = [c.normal * x for c, x in zip(self._contacts, self.least_norm(p), strict=True)]
+        least = self.least_norm(p)
+        impulses = [c.normal * x for c, x in zip(self._contacts, least, strict=True)]
+        creates_energy = lost < -ROUNDING * work
         return ImpulseEffect(
             changes=changes,
             twists=[Twist(body.velocity, body.angular_velocity) for body in moved],
@@ -146,7 +148,8 @@ class RationalCluster:
             error_bound=0.0,
             has_massless_spin=any(spin.dot(spin) > 0 for spin in massless_spins),
             has_off_unit_orientation=any(map(is_not_normalised, self._bodies)),
-            creates_energy=lost < -ROUNDING * work,
+            creates_energy=creates_energy,
+            is_unphysical=creates_energy or min(least) < 0 or min(after) < 0,
         )
 
     def _twist_changes(self, p: Numbers) -> list[Twist]:

@@ -47,6 +47,8 @@ def resolve_cluster(scene: SceneRequest, distinct: DistinctContacts, options: Sc
     # The energies are sums over everything else, so they are finite only if everything is.
     if not (options.exact or all(map(math.isfinite, effect.energies))):
         raise library.refusal(StatusCode.OUT_OF_RANGE)
+    if effect.is_unphysical:
+        raise library.refusal(StatusCode.INTERNAL_ERROR)
     energies = effect.energies
     if impulses.friction_loss is not None:
         before, after, restitution, friction = energies

@@ -89,6 +89,13 @@ struct AssembledBody {
   }
 };
 
+// The size of a twist change in the norm of error_bound, computed so that no square overflows or underflows.
+inline double twist_size(const double* body, const double* twist) {
+  double arm = (body[1] + body[4] + body[6]) / 3;
+  return std::hypot(std::sqrt(body[0]) * std::hypot(twist[0], twist[1], twist[2]),
+                    std::sqrt(arm) * std::hypot(twist[3], twist[4], twist[5]));
+}
+
 // The relative velocity along one axis of a contact: velocity + row.y, for bodies whose twists changed by L y.
 template <class R>
 struct ContactAxisOf {

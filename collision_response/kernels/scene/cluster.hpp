@@ -161,7 +161,9 @@ inline ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& opt
   ClusterImpulses impulses;
   auto finish = [&] {
     result.effect = effect_of(assembly, impulses, false);
-    result.code = result.effect.is_finite() ? STATUS_OK : STATUS_OUT_OF_RANGE;
+    result.code = !result.effect.is_finite()    ? STATUS_OUT_OF_RANGE
+                  : result.effect.is_unphysical ? STATUS_INTERNAL_ERROR
+                                                : STATUS_OK;
     result.margin = impulses.margin;
     result.restitution = impulses.restitution;
     result.no_rebound = impulses.no_rebound;

@@ -24,7 +24,7 @@ struct ContactSprings {
   // For each contact, the change of its normal velocity by unit normal impulses on others.
   std::vector<std::vector<Coupled>> C;
   int count;
-  double speed = 0, mass = 0;
+  double speed = 0, mass = 0;  // speed: of the fastest approach
   double slow = 0;  // slower approaches count as none, because rounding could keep a contact approaching for ever
   long work;  // remaining budget: the coupling of two contacts costs 1, about a nanosecond
   double friction_loss = 0;  // energy that friction took
@@ -34,7 +34,7 @@ struct ContactSprings {
       : assembly(given), exponent(exponent), stiffness(std::move(ratios)), count(given.count), work(budget) {
     C.resize(count);
     for (const AssembledContact& contact : assembly.contacts) {
-      speed = std::fmax(speed, std::fabs(contact.axes[0].velocity));
+      speed = std::fmax(speed, -contact.axes[0].velocity);
       mass = std::fmax(mass, std::fabs(contact.scale * contact.length));
     }
     unit = power_near(speed);

@@ -22,13 +22,6 @@ inline double norm_ratio(const AssembledBody& body) {
   return std::sqrt(std::fmax(base, is_diagonal ? (shift + trace / 3) / least : (shift + trace / 3) * 2 * inverse));
 }
 
-// The size of a twist change in the norm of error_bound, computed so that no square overflows or underflows.
-inline double twist_size(const double* body, const double* twist) {
-  double arm = (body[1] + body[4] + body[6]) / 3;
-  return std::hypot(std::sqrt(body[0]) * std::hypot(twist[0], twist[1], twist[2]),
-                    std::sqrt(arm) * std::hypot(twist[3], twist[4], twist[5]));
-}
-
 using Regime = unsigned char;
 
 // A slip below this fraction of the fastest speed before the impact counts as none. Friction that is below its limit by
@@ -54,6 +47,9 @@ struct ImpulseEffect {
   // Whether the contacts gain more energy than rounding explains, by the work on relative velocities, which is the same
   // for every observer.
   bool creates_energy = false;
+  // Whether contacts gain energy, pull, leave their friction cones, or still approach, by more than the error; or kinetic
+  // energy grows by more, without a moving wall.
+  bool is_unphysical = false;
 
   bool is_separating() const {
     return std::all_of(regimes.begin(), regimes.end(), [](Regime regime) { return regime == REGIME_SEPARATING; });
@@ -119,7 +115,7 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
   }
   // In units near the greatest, because the works may be out of the range of doubles.
   const double unit = power_near(fastest), load = power_near(greatest);
-  double restitution = 0, friction_loss = 0, work = 0;
+  double restitution = 0, friction_loss = 0, work = 0, doubt = 0, reach = 0;
   for (int i = 0; i < count; ++i) {
     const AssembledContact& contact = assembly.contacts[i];
     double* impulse = &effect.impulses[3 * i];
@@ -133,12 +129,20 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
       const auto directions = contact.unit_vectors();
       for (int k = 0; k < 3; ++k) impulse[k] += P[i][1] * directions[1][k] + P[i][2] * directions[2][k];
     }
+    // By rounding, and by the least double.
+    const double tolerated = has_friction ? 0x1p-50 * (std::fabs(u_before[0]) + motion.size_at(i))
+                                          : width(u[i]) / contact.length + 0x1p-50 * std::fabs(u_after[0]);
+    const bool approaches = u_after[0] < -tolerated - error / (contact.scale * contact.length);
+    const bool leaves_cone = friction > most * (1 + 0x1p-40) + 0x1p-1070;
+    effect.is_unphysical = effect.is_unphysical || p[i].h < 0 || leaves_cone || approaches;
     double normal = p[i].h * contact.length / load;
     double along =
         (P[i][1] / load * ((u_before[1] + u_after[1]) / unit) + P[i][2] / load * ((u_before[2] + u_after[2]) / unit)) /
         2;
     restitution -= normal * ((u_before[0] + u_after[0]) / unit) / 2;
     friction_loss -= along;
+    doubt += normal * (width(contact.velocity) / contact.length / unit);
+    reach += normal / (contact.scale * contact.length) / unit;
     work += normal * ((std::fabs(u_before[0]) + std::fabs(u_after[0])) / unit) + std::fabs(along);
     effect.normal_velocities_before[i] = u_before[0];
     effect.normal_velocities_after[i] = u_after[0];
@@ -148,8 +152,14 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
     else if (sticks_by_slip ? speed <= AT_REST * fastest : friction < (1 - AT_REST) * most) regime = REGIME_STICKING;
     effect.regimes[i] = regime;
   }
-  effect.creates_energy = restitution + friction_loss < -0x1p-40 * work;
-  if (!effect.creates_energy) restitution = std::fmax(restitution, -friction_loss);  // a loss below 0 is rounding
+  const double loss = restitution + friction_loss, by_rounding = 0x1p-40 * work + doubt;
+  const double by_error = error < INFINITY ? error * reach : 0;
+  const bool gains = loss < -by_rounding - by_error;
+  const bool grows = !assembly.has_moving_wall &&
+                     effect.energies[1] > effect.energies[0] * (1 + 0x1p-40) + by_error * load * unit;
+  effect.creates_energy = loss < -by_rounding;
+  effect.is_unphysical = effect.is_unphysical || gains || grows;
+  if (!gains) restitution = std::fmax(restitution, -friction_loss);
   effect.energies[2] = restitution * load * unit;
   effect.energies[3] = friction_loss * load * unit;
   effect.error_bound = largest > 0 ? (worst + rounding) / std::fmax(largest - worst - rounding, 0)

@@ -5,8 +5,10 @@
 
 // A basis of the impulses that do next to nothing: one for each contact that depends on others, by pivots up to
 // `dependent`. Included are those whose effect, squared, is less than `most`. The sum of their effects is added to
-// `effect`.
-inline std::vector<Vector> null_impulses(const Assembly& assembly, double dependent, double most, double& effect) {
+// `effect`, which knows them to doubles. `precise_effects`, if given, are those of each one to double-double, in the
+// norm of error_bound.
+inline std::vector<Vector> null_impulses(const Assembly& assembly, double dependent, double most, double& effect,
+                                         Vector* precise_effects = nullptr) {
   const int count = assembly.count;
   const std::vector<AssembledContact>& contacts = assembly.contacts;
   const Vector& A = assembly.A;
@@ -35,14 +37,21 @@ inline std::vector<Vector> null_impulses(const Assembly& assembly, double depend
     z[i].h = scale[i];
     for (size_t m = 0; m < w.size(); ++m) z[basis.members[m]].h = -w[m] * scale[basis.members[m]];
     // Doubles take its effect for 0: compute that in double-double, after one step of refinement.
-    double square = 0;
+    double square = 0, precise = 0;
     for (int turn = 0; turn < 2; ++turn) {
       std::vector<N> twists = assembly.twist_changes(z.data());
-      double work = 0;
-      for (int n = 0; n < count; ++n) work += (z[n].h + z[n].l) * u[n] / contacts[n].scale;
-      square = work * work * 1e-6;  // the work is known to doubles only
+      N total = exact(0.0);
+      for (int n = 0; assembly.has_moving_wall && n < count; ++n) total = total + contacts[n].velocity * exact(z[n]);
+      const double work = fastest > 0 ? high(total) / fastest : 0;
+      square = work * work * 1e-6;  // the velocities of walls are known to fewer digits
       for (int n = 0; n < count; ++n)
         if (z[n].h != 0) square += z[n].h * high(assembly.velocity_change(contacts[n], twists));
+      precise = std::fabs(work);
+      for (int b = 0; b < assembly.body_count; ++b) {
+        double rounded[6];
+        for (int k = 0; k < 6; ++k) rounded[k] = high(twists[6 * b + k]);
+        precise += twist_size(assembly.bodies[b].x, rounded);
+      }
       if (turn) break;
       for (size_t m = 0; m < w.size(); ++m) {
         int j = basis.members[m];
@@ -55,6 +64,7 @@ inline std::vector<Vector> null_impulses(const Assembly& assembly, double depend
     if (!(std::fabs(square) < most)) continue;
     found.push_back(rounded(z.data(), count));
     effect += std::sqrt(std::fabs(square));
+    if (precise_effects) precise_effects->push_back(precise);
   }
   return found;
 }
