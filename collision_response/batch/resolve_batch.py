@@ -16,8 +16,9 @@
 The rows of ``bodies`` and ``contacts`` are listed in :mod:`~collision_response.batch.rows`. The numbers are
 those of :func:`~collision_response.resolve`, to the bit. With a tolerance every contact gets an error bound,
 and is computed again with more digits where ``resolve`` would do so. Without a tolerance there is no bound,
-and AUTO precision stays in DOUBLE, even where ``resolve`` would notice that DOUBLE is not enough. A contact
-that cannot be resolved gets its own status and NaN for results; it does not affect the others.
+and AUTO precision stays in DOUBLE, even where ``resolve`` would notice that DOUBLE is not enough. Routh's
+laws then take a slip that is nothing but rounding for a slip, and may differ in the last bits and the regime.
+A contact that cannot be resolved gets its own status and NaN for results; it does not affect the others.
 """
 
 from __future__ import annotations
