@@ -550,3 +550,30 @@ def test_stronge_sees_an_approach_next_to_bodies_that_part_far_faster(speed, mu,
     assert answer.error_bound < 1e-4
     assert abs(answer.changes[0].linear.z - (1 + e)) <= (1 + e) * answer.error_bound
     assert answer.changes[1].linear.norm() <= (1 + e) * answer.error_bound
+
+
+@pytest.mark.parametrize("speed", [2.0**-400, 1.0, 2.0**200])
+@pytest.mark.parametrize("mu", [1.0, 1000.0])
+def test_friction_of_an_impulse_that_is_less_than_its_error_is_no_fault(speed, mu):
+    """A rod whirls against a body a million times faster than their other contact approaches."""
+    body_a = Body.dynamic(
+        1.0,
+        (1.0, 0.0, 0.0, 1.0, 0.0, 2.0),
+        (1.0, -0.5, 0.0),
+        velocity=Vec3(0.25, 0.1, -1.0) * speed,
+        angular_velocity=Vec3(0.1, 2.0, -2.0) * speed,
+    )
+    rod = Body.dynamic(
+        1.0,
+        (0.0, 0.0, 0.0, 1.0, 0.0, 1.0),
+        (0.5, 1.0, -0.5),
+        velocity=Vec3(3.0, 0.0, 1.0) * speed,
+        angular_velocity=Vec3(-3e6, 7e5, 0.0) * speed,
+    )
+    contacts = [
+        Contact.of((0.0, 1.0, 0.0), (0.0, -1.0, 0.0), 0.25, 1.0),
+        Contact.of((3.0, 0.1, 0.7), (0.0, 0.6, 0.8), 0.25, mu),
+    ]
+    answer = Scene([body_a, rod], [(0, 1), (1, 0)], contacts).resolve(Law.ROUTH_STRONGE)
+    assert answer.status is StatusCode.OK
+    assert answer.error_bound < 1e-4

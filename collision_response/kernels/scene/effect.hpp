@@ -133,7 +133,8 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
     const double tolerated = has_friction ? 0x1p-50 * (std::fabs(u_before[0]) + motion.size_at(i))
                                           : width(u[i]) / contact.length + 0x1p-50 * std::fabs(u_after[0]);
     const bool approaches = u_after[0] < -tolerated - error / (contact.scale * contact.length);
-    const bool leaves_cone = friction > most * (1 + 0x1p-40) + 0x1p-1070;
+    const double doubt_of_cone = 0x1p-40 * most + (1 + contact.mu) * error * contact.scale * contact.length + 0x1p-1070;
+    const bool leaves_cone = friction > most + doubt_of_cone;
     effect.is_unphysical = effect.is_unphysical || p[i].h < 0 || leaves_cone || approaches;
     double normal = p[i].h * contact.length / load;
     double along =
