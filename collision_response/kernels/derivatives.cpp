@@ -174,9 +174,11 @@ struct Differentiation {
       if (i < TWISTS)
         d = d.blended(1, parameters[VELOCITY + (i < TWISTS / 2 ? i : PARAMETERS_OF_BODY + i - TWISTS / 2)], 1);
       double* row = jacobian + (i * count + first) * n + at;
-      double line[SparseDerivatives::DIRECTIONS] = {};
-      if (d.begin < d.end) std::memcpy(line + 4 * d.begin, d.d + d.begin, (d.end - d.begin) * sizeof(Block));
-      for (int k = 0; k < width; ++k) row[k * n] = line[k];
+      const double* line = reinterpret_cast<const double*>(d.d);
+      const int begin = std::min(4 * d.begin, width), end = std::max(begin, std::min(4 * d.end, width));
+      for (int k = 0; k < begin; ++k) row[k * n] = 0;
+      for (int k = begin; k < end; ++k) row[k * n] = line[k];
+      for (int k = end; k < width; ++k) row[k * n] = 0;
       kinks |= change.kinks;
       jumps |= change.jumps;
     }
@@ -186,8 +188,8 @@ struct Differentiation {
  private:
   static constexpr int ORIENTATION = IN_BODY_A_ORIENTATION_X, VELOCITY = IN_BODY_A_VELOCITY_X - 1;
 
-  // The components of some directions along a parameter.
-  SparseDerivatives parameter(int p, long at, long first, int width) const {
+  // The components of some directions along a parameter. Not inlined: the caller has no registers left.
+  __attribute__((noinline)) SparseDerivatives parameter(int p, long at, long first, int width) const {
     long step = direction_stride ? n : 1;
     const double* row = directions + (p * count + first) * step + direction_stride * at;
     double line[SparseDerivatives::DIRECTIONS];
