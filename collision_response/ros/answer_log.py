@@ -8,7 +8,7 @@ from copy import copy
 from itertools import count
 from typing import Any
 
-from rclpy.event_handler import PublisherEventCallbacks, QoSPublisherMatchedInfo
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -69,9 +69,9 @@ class AnswerLog:
         self.add(result, lambda stamp, sequence: Refusal(stamp, sequence, reason))
 
     def publish(self) -> None:
-        """Publish and record the results that were added.
+        """Publish and record the results that were added, and publish those that waited for a subscriber.
 
-        To be called when their responses have been sent, so that no client waits for this.
+        To be called when responses have been sent, so that no client waits for this, and regularly.
         """
         while self._unpublished:
             result, entry = self._unpublished.popleft()
@@ -79,6 +79,8 @@ class AnswerLog:
             if self.recorder is not None:
                 stamp = nanoseconds(result.header.stamp) or self._now()
                 self.recorder.add(entry(stamp, result.sequence))
+        for publisher in self._publishers.values():
+            publisher.publish_waiting()
 
 
 class ResultPublisher:
@@ -101,24 +103,18 @@ class ResultPublisher:
             kind,
             topic,
             copy(RESULT_QOS),  # rclpy writes the overrides into it
-            event_callbacks=PublisherEventCallbacks(matched=self._matched, use_default_callbacks=False),
+            event_callbacks=PublisherEventCallbacks(use_default_callbacks=False),
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
-        self._waiting: deque[Any] = deque(maxlen=self._publisher.qos_profile.depth)
+        self._waiting: deque[Any] = deque(maxlen=max(1, self._publisher.qos_profile.depth))
         self.topic: str = self._publisher.topic_name
 
     def publish(self, result: Any) -> None:
         """Publish a result, now or as soon as there is a subscriber."""
-        if self._publisher.get_subscription_count():
-            self._publish_waiting()
-            self._publisher.publish(result)
-        else:
-            self._waiting.append(result)
+        self._waiting.append(result)
+        self.publish_waiting()
 
-    def _matched(self, subscriptions: QoSPublisherMatchedInfo) -> None:
-        if subscriptions.current_count:
-            self._publish_waiting()
-
-    def _publish_waiting(self) -> None:
-        while self._waiting:
+    def publish_waiting(self) -> None:
+        """Publish the results that were kept, if there is a subscriber by now."""
+        while self._waiting and self._publisher.get_subscription_count():
             self._publisher.publish(self._waiting.popleft())

@@ -93,7 +93,7 @@ class CollisionResponseNode(Node):
         self._states = LatestStates(value("max_bodies"), self._now, self._warn)
         self._jump_handle = self.get_clock().create_jump_callback(CLOCK_JUMPS, post_callback=self._on_jump)
 
-        answer_log = AnswerLog(self, self._now)
+        self._answer_log = answer_log = AnswerLog(self, self._now)
         self.impact_service = ImpactService(
             self.parameters,
             self._states,
@@ -109,7 +109,7 @@ class CollisionResponseNode(Node):
         warm_up()
         counters = Counters()
         self._server = Server(
-            self, services, counters, self.parameters, answer_log.publish, value("service_introspection")
+            self, services, counters, self.parameters, self._after_sending, value("service_introspection")
         )
         topics = dict.fromkeys(map(self._expanded, filter(None, value("body_state_topics"))))
         self._state_inputs = [
@@ -165,6 +165,10 @@ class CollisionResponseNode(Node):
             if isinstance(waitable, TakeAllWaitable):  # rclpy would leave it to the executor
                 self.remove_waitable(waitable)
         super().destroy_node()
+
+    def _after_sending(self) -> None:
+        self._answer_log.publish()
+        self.impact_service.prepare()
 
     def _expanded(self, topic: str) -> str:
         validate_topic_name(topic)  # with an error that shows the name

@@ -35,8 +35,8 @@ client that has stopped reading. With KEEP_ALL such answers would fill the histo
 answered any more. When the slowest client leaves, Fast DDS drops the answers it has kept for it, which blocks
 all others for a time that grows as the square of their number."""
 
-DEPARTURE_CHECK_INTERVAL = 0.2
-"""Time [s] between two searches for clients that have left."""
+UPKEEP_INTERVAL = 0.2
+"""Time [s] between two searches for clients that have left, and for work that is left after sending."""
 
 MAX_DISCOVERY_TIME = 2.0
 """Longest time [s] to wait until the client that sent a request is discovered."""
@@ -107,7 +107,8 @@ class Server:
         node_services: the services.
         counters: counts requests and answers.
         parameters: the parameters of the node.
-        after_sending: called after each response, for work that no client should wait for.
+        after_sending: called after each response and a few times a second, for work that no client should
+            wait for.
         introspection: what to publish of each call.
     """
 
@@ -131,7 +132,7 @@ class Server:
         self._more = node.create_guard_condition(self._serve)
         self._overdue_timer = create_steady_timer(node, WAIT_CHECK_INTERVAL, self._serve_overdue)
         self._overdue_timer.cancel()
-        create_steady_timer(node, DEPARTURE_CHECK_INTERVAL, self._forget_departed)
+        create_steady_timer(node, UPKEEP_INTERVAL, self._upkeep)
         group = IdleCallbackGroup()
         for node_service in node_services:
             service = node.create_service(
@@ -245,10 +246,11 @@ class Server:
         """Serve clients for ``MAX_SERVING_TIME``, and have the executor call this again for the rest."""
         end = time.perf_counter() + MAX_SERVING_TIME
         with suppress(InvalidHandle):  # of a node that another thread destroys meanwhile
+            self._jobs.run_slice()
             while self._jobs.is_ready and time.perf_counter() < end:
-                self._jobs.run_slice()
                 for waitable in self._waitables:
                     waitable.take_all()
+                self._jobs.run_slice()
             if self._jobs.is_ready:
                 self._more.trigger()
             if self._jobs.is_waiting and self._overdue_timer.is_canceled():  # a reset delays a running timer
@@ -270,6 +272,9 @@ class Server:
                 "an answer could not be sent: its client does not read answers, or has left",
                 throttle_duration_sec=WARNING_INTERVAL,
             )
+        self._work_after_sending()
+
+    def _work_after_sending(self) -> None:
         try:
             self._after_sending()
         except Exception:  # the answer is sent, so there is nobody else to tell
@@ -282,6 +287,10 @@ class Server:
             del self._unconfirmed[next(iter(self._unconfirmed))]
         self._counters.answers[status] += 1
         self._counters.latencies.append(time.perf_counter() - call.received)
+
+    def _upkeep(self) -> None:
+        self._forget_departed()
+        self._work_after_sending()
 
     def _forget_departed(self) -> None:
         for clients in self._clients:
