@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import math
+from decimal import Decimal
 from fractions import Fraction as F
 from pathlib import Path
 
@@ -20,7 +21,17 @@ from mpmath import mp, mpf
 from refusals import refused
 from scene_cases import rotate
 
-from collision_response import Body, Contact, Geometry, ImpactModel, Law, Regime, StatusCode, resolve
+from collision_response import (
+    Body,
+    Contact,
+    Geometry,
+    ImpactModel,
+    Law,
+    Precision,
+    Regime,
+    StatusCode,
+    resolve,
+)
 from collision_response.batch import body_rows, contact_rows
 from collision_response.derivatives import (
     PARAMETERS,
@@ -666,6 +677,27 @@ def test_a_batch_has_the_same_derivatives(law):
     along = differentiate_batch(bodies, contacts, mixed, ImpactModel(law))
     expected = np.einsum("rkn,k,n->rn", found.jacobian, weights, np.arange(5.0))
     np.testing.assert_allclose(along.jacobian[:, 0, :4], expected[:, :4], rtol=1e-11, atol=1e-11)
+
+
+@pytest.mark.parametrize("half", [F(1, 2), Decimal("0.5"), np.float32(0.5), np.array(0.5)], ids=repr)
+@pytest.mark.parametrize("field", ["tangential_restitution", "restitution_threshold", "stiffness_ratio"])
+def test_a_batch_takes_settings_of_every_type(half, field):
+    law = Law.COMPLIANT if field == "stiffness_ratio" else Law.COULOMB
+    batch = batch_of([random_collision(0)]), unit_directions("body_a.velocity")
+    found, expected = (
+        differentiate_batch(*batch[0], batch[1], ImpactModel(law, **{field: x})).jacobian for x in (half, 0.5)
+    )
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_a_batch_has_derivatives_where_the_tolerance_is_not_met():
+    batch = batch_of([random_collision(0)])
+    strict = ImpactModel(precision=Precision.DOUBLE, tolerance=1e-20)
+    found, usual = (
+        differentiate_batch(*batch, unit_directions("body_a.velocity"), m) for m in (strict, ImpactModel())
+    )
+    assert found.result.status == StatusCode.TOLERANCE_NOT_MET
+    np.testing.assert_array_equal(found.jacobian, usual.jacobian)
 
 
 @pytest.mark.parametrize("law", EVERY_LAW)

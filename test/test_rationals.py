@@ -49,6 +49,35 @@ def test_numbers_beyond_float64_stay_exact_next_to_a_fraction(tenth):
     assert impact.impulse.z == exact * (1 + exact)
 
 
+def large_request(integer):
+    """Products of these integers are beyond int64."""
+    m, v = integer(3_000_000_019), integer(-3_000_000_019)
+    body_a = Body.dynamic(m, velocity=(m, integer(0), v), angular_velocity=(integer(0),) * 3)
+    normal = (integer(0), integer(0), integer(4_000_000_007))
+    return (
+        body_a,
+        Body.dynamic(integer(4_000_000_007)),
+        Contact.of((integer(0),) * 3, normal, F(integer(1), 2)),
+    )
+
+
+def test_integers_of_numpy_do_not_overflow():
+    request, expected = large_request(np.int64), large_request(int)
+    assert resolve(*request) == resolve(*expected)
+    assert resolve(request[1], request[0], request[2]).status is StatusCode.SEPARATING
+    found, scene = (resolve_scene([a, b], [(0, 1)], [contact]) for a, b, contact in (request, expected))
+    assert found == scene
+
+
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU, Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
+def test_integers_of_numpy_may_have_friction_that_is_a_function(law):
+    model, functions = ImpactModel(law), {"friction": lambda v: 0.3, "restitution": lambda v: 0.5}
+    found, expected = (
+        resolve(a, b, c._replace(**functions), model) for a, b, c in map(large_request, (np.int64, int))
+    )
+    assert found._replace(contact=None) == expected._replace(contact=None)
+
+
 def test_friction_is_evaluated_at_the_slip_speed_of_fractions():
     """A tenth and two tenths, which as floats add up to more than the float for three."""
     speeds = []
@@ -84,10 +113,21 @@ def test_invalid_fractions_are_refused_by_name():
         resolve(BOX._replace(mass=F(-1)), FLOOR, CORNER)
 
 
-def test_thresholds_and_functions_apply_to_fractions():
-    slow = resolve(BOX, FLOOR, CORNER, ImpactModel(restitution_threshold=2.0))
-    assert slow.contact.restitution == 0
-    assert slow.adjustments.name == "RESTITUTION_THRESHOLD"
+@pytest.mark.parametrize(
+    "two", [2.0, 2, F(2), Decimal(2), np.float32(2), np.longdouble(2), np.int64(2), np.array(2.0)], ids=repr
+)
+def test_thresholds_of_every_type_apply_to_fractions(two):
+    model = ImpactModel(restitution_threshold=two)
+    one, scene = (
+        resolve(BOX, FLOOR, CORNER, model),
+        resolve_scene([BOX, FLOOR], [(0, 1)] * 2, [CORNER] * 2, model),
+    )
+    assert one.contact.restitution == 0
+    assert one.adjustments.name == scene.adjustments.name == "RESTITUTION_THRESHOLD"
+    assert scene.twists[0] == one.twist_a
+
+
+def test_functions_apply_to_fractions():
     assert resolve(BOX, FLOOR, CORNER._replace(restitution=lambda v: v / 2)).impulse == (0, 0, F(9, 10))
 
 

@@ -20,6 +20,7 @@ import numpy as np
 from ..answer import Impact
 from ..batch import BatchResult, resolve_batch
 from ..batch.other_arrays import as_numpy
+from ..batch.pairs import IS_ANSWER
 from ..batch.rows import TABLE_LAYOUTS
 from ..kernels import _derivatives, library
 from ..kernels.layout import (
@@ -31,7 +32,7 @@ from ..kernels.layout import (
     rows_in_everything,
     slices_of,
 )
-from ..model import DEFAULT, Geometry, ImpactModel, law_for
+from ..model import DEFAULT, Geometry, ImpactModel, law_for, plan_model
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Settings
@@ -235,7 +236,7 @@ def differentiate_batch(
     jacobian, smoothness = np.empty((RESULT_COUNT, count, n)), np.empty((count, n), np.uint8)
     arrays = np.ascontiguousarray(inputs), np.ascontiguousarray(directions), jacobian, smoothness
     _derivatives.differentiate(law, n, count, same_for_all, *arrays)
-    jacobian[..., result.status > StatusCode.SEPARATING] = np.nan
+    jacobian[..., ~IS_ANSWER[result.status]] = np.nan
     return BatchDerivatives(result, jacobian, smoothness)
 
 
@@ -260,5 +261,6 @@ def _kernel_inputs(bodies: Array, contacts: Array, model: ImpactModel) -> Array:
     contact = dict(zip([*names_of_contact(layout), Settings._fields[0]], contacts, strict=False))
     everything = [defaults[i] if i in defaults else bodies[i, side] for side in (0, 1) for i in rows]
     everything += [contact.get(name, zeros) for name in names_of_contact(Layout.EVERYTHING)]
-    everything += [contact.get(name, zeros + getattr(model, name)) for name in Settings._fields]
+    settings = plan_model(model).settings._asdict().items()
+    everything += [contact.get(name, zeros + number) for name, number in settings]
     return np.array(everything)

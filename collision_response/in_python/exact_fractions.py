@@ -18,7 +18,7 @@ from ..model import ImpactModel, Precision
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Law, Settings
-from .request_numbers import body_as_fractions, contact_as_fractions
+from .request_numbers import as_fraction, body_as_fractions, contact_as_fractions
 
 
 def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact:
@@ -29,7 +29,7 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     """
     request = body_as_fractions(body_a), body_as_fractions(body_b), contact_as_fractions(contact)
     validity.check(*request, model.tangential_restitution)
-    settings = Settings(restitution_threshold=Fraction(model.restitution_threshold))
+    settings = Settings(restitution_threshold=as_fraction(model.restitution_threshold))
     return make_impact(
         request[:2],
         impact(*request, Law.FRICTIONLESS, settings),

@@ -76,7 +76,7 @@ def _fractions(kind: type[Any], numbers: Iterable[Any]) -> Any:
 def as_fraction(x: Any) -> Any:
     """Convert a number to a fraction, exactly. An infinite number and NaN stay floats."""
     if isinstance(x, Rational):
-        return Fraction(x)
+        return Fraction(int(x.numerator), int(x.denominator))  # those of NumPy's integers overflow
     number = x.item() if hasattr(x, "item") else x  # of NumPy
     exact = number if hasattr(number, "as_integer_ratio") else float(number)
     return Fraction(*exact.as_integer_ratio()) if math.isfinite(exact) else float(exact)

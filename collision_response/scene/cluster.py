@@ -8,6 +8,7 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from ..in_python.coefficients_at_speed import initial_friction, restitution_at_speed
+from ..in_python.request_numbers import as_fraction
 from ..kernels import library
 from ..model import check_number
 from ..physics.body import Body
@@ -98,7 +99,7 @@ def _assemble_with_restitution(
     Restitution that is a function of the approach speed, or subject to the restitution threshold, needs the
     speeds: then the cluster is assembled a second time, with the restitution that they give.
     """
-    given, threshold = parts.contacts, options.model.restitution_threshold
+    given, threshold = parts.contacts, as_fraction(options.model.restitution_threshold)
     has_function = any([callable(contact.restitution) for contact in given])
     if has_function:
         numbers = [c._replace(restitution=1.0) if callable(c.restitution) else c for c in given]
