@@ -32,10 +32,8 @@ from .body_lookup import (
     StateNotYetReceived,
     check_distinct,
     check_immovable,
-    check_world_frame,
-    wait_for_states,
 )
-from .parameters import LatestParameters, Parameters
+from .parameters import LatestParameters
 from .server import Work
 from .states import LatestStates
 from .tables import LAYOUTS, Array, Request, Response, number_of_names, result_in, table_in, zeros_in
@@ -83,14 +81,14 @@ class BatchService:
     def answer(self, request: Request) -> Work:
         """Compute the response to a request, in steps."""
         parameters = self.parameters.values
-        check_world_frame("header.frame_id", request.header.frame_id, parameters.world_frame)
+        finder = StateFinder("header", request.header, request.not_before, self.states, parameters)
         layout = layout_of(request)
         pairs = pairs_of(request, parameters.budget_contacts)
         table, contacts = table_of(request, layout), contacts_of(request, layout, pairs.shape[1])
         model = convert.model_of(request.model, parameters.model._replace(geometry=layout.geometry))
         plan = plan_for(table, contacts, model, pairs)
-        look_up = partial(bodies_of, request, table, layout, self.states, parameters)
-        bodies = yield from wait_for_states(look_up, parameters.max_state_wait)
+        look_up = partial(bodies_of, request, table, layout, finder, parameters.budget_contacts)
+        bodies = yield from finder.wait(look_up)
 
         response = Response()
         out = result_in(response, plan.result_fields(pairs.shape[1], request.report), zeros_in)
@@ -193,7 +191,7 @@ def table_of(request: Request, layout: Layout) -> Array:
 
 
 def bodies_of(
-    request: Request, table: Array, layout: Layout, states: LatestStates, parameters: Parameters
+    request: Request, table: Array, layout: Layout, finder: StateFinder, max_contacts: int
 ) -> LookUp[BatchBodies]:
     """Collect the bodies of a request: those of the table, then the latest states of those given by name.
 
@@ -204,11 +202,11 @@ def bodies_of(
         ImpactError: SAME_BODY, or BUDGET_EXCEEDED for too many names.
     """
     count, number = table.shape[1], number_of_names(request)
-    max_names = 2 * parameters.budget_contacts
+    max_names = 2 * max_contacts
     if number > max_names:
         reason = (
-            f"holds {number} names; budget.contacts is {parameters.budget_contacts}, and that many "
-            f"contacts have at most {max_names} bodies"
+            f"holds {number} names; budget.contacts is {max_contacts}, and that many contacts have at most "
+            f"{max_names} bodies"
         )
         raise ImpactError(StatusCode.BUDGET_EXCEEDED, "names", reason)
     codes = np.zeros(count + number, np.uint8)
@@ -218,7 +216,6 @@ def bodies_of(
     check_distinct(names)
     columns, errors = np.full((len(table), len(names)), math.nan), []
     stamps, ages = [Time()] * len(names), [math.nan] * len(names)
-    finder = StateFinder("header", request.header, request.not_before, states, parameters)
     for i, name in enumerate(names):
         if not i % BODIES_PER_STEP:
             yield

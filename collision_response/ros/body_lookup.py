@@ -60,16 +60,47 @@ class StateFinder:
         not_before: of the request: the earliest stamp accepted; 0: any.
         states: the latest states received.
         parameters: the parameters of the node.
+
+    Raises:
+        ImpactError: FRAME_MISMATCH if the header has another frame than the parameter ``world_frame``.
     """
 
     def __init__(
         self, field: str, header: Header, not_before: Time, states: LatestStates, parameters: Parameters
     ) -> None:
         self._states = states
-        self._time = nanoseconds(header.stamp) or states.now()
+        self._time = nanoseconds(header.stamp)
         self._not_before = nanoseconds(not_before)
-        self._max_age = parameters.max_state_age
+        self._max_age, self._max_wait = parameters.max_state_age, parameters.max_state_wait
         self._frame_field, self._frame = f"{field}.frame_id", header.frame_id
+        if parameters.world_frame and self._frame != parameters.world_frame:
+            reason = f"is {quoted(self._frame)}, but the parameter world_frame is {parameters.world_frame!r}"
+            raise ImpactError(StatusCode.FRAME_MISMATCH, self._frame_field, reason)
+
+    def wait(self, look_up: Callable[[], LookUp[Found]]) -> Generator[float | None, None, Found]:
+        """Look up bodies, and wait for their states if necessary.
+
+        Args:
+            look_up: tried at once, and again whenever states have arrived.
+
+        Yields:
+            While it waits: when it stops waiting [s], by ``time.perf_counter``. In a look-up: ``None``.
+
+        Returns:
+            What the look-up returns.
+
+        Raises:
+            ImpactError: STALE_STATE if no such state arrives in time; or what the look-up raises.
+        """
+        deadline = time.perf_counter() + self._max_wait
+        while True:
+            try:
+                return (yield from look_up())
+            except StateNotYetReceived as error:
+                if time.perf_counter() >= deadline:
+                    reason = f"{error.reason}; waited {self._max_wait:.6g} s (max_state_wait)"
+                    raise ImpactError(StatusCode.STALE_STATE, error.field, reason) from None
+            yield deadline
 
     def find(self, owner: str, field: str, name: str) -> tuple[BodyState, StateUsed]:
         """Find the latest state of a body.
@@ -91,23 +122,18 @@ class StateFinder:
             if not self._not_before:
                 raise
             raise StateNotYetReceived(error.code, error.field, error.reason) from None
-        stamp = nanoseconds(state.header.stamp)
+        stamp, time_of_contact = nanoseconds(state.header.stamp), self._time or self._states.now()
         if stamp < self._not_before:
             fault = f"is {(self._not_before - stamp) / 1e9:.6g} s older than not_before"
             if not stamp:
                 fault = "has no stamp, which not_before requires"
             reason = f"the last state of {quoted(name)} {fault}"
             raise StateNotYetReceived(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason)
-        age = (self._time - stamp) / 1e9 if stamp and self._time else math.nan
+        age = (time_of_contact - stamp) / 1e9 if stamp and time_of_contact else math.nan
         return state, StateUsed(state.header.stamp, age)
 
     def check(self, owner: str, state: BodyState, age: float) -> None:
-        """Refuse a state that is too far in time from the contact, or not in its frame.
-
-        Args:
-            owner: what the error calls the body.
-            state: the state.
-            age: how much older it is than the contact [s]; NaN: unknown.
+        """Refuse a received state that is too far in time from the contact, or not in its frame.
 
         Raises:
             ImpactError: STALE_STATE, else FRAME_MISMATCH.
@@ -118,47 +144,24 @@ class StateFinder:
                 fault = "has no stamp, or there is no time yet"
             reason = f"the last state of {quoted(state.name)} {fault}; max_state_age is {self._max_age:.6g} s"
             raise ImpactError(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason)
-        check_frame(owner, state, self._frame_field, self._frame)
+        self.check_frame(owner, state)
+
+    def check_frame(self, owner: str, state: BodyState) -> None:
+        """Refuse a body that is not in the frame of the contact.
+
+        Raises:
+            ImpactError: FRAME_MISMATCH.
+        """
+        frame = state.header.frame_id
+        if frame != self._frame:
+            reason = f"is {quoted(frame)}, but {self._frame_field} is {quoted(self._frame)}"
+            raise ImpactError(StatusCode.FRAME_MISMATCH, f"{owner}.header.frame_id", reason)
 
 
-def wait_for_states(
-    look_up: Callable[[], LookUp[Found]], timeout: float
-) -> Generator[float | None, None, Found]:
-    """Look up bodies, and wait for their states if necessary.
-
-    Args:
-        look_up: tried at once, and again whenever states have arrived.
-        timeout: how long to wait [s].
-
-    Yields:
-        While it waits: when it stops waiting [s], by ``time.perf_counter``. In a look-up: ``None``.
-
-    Returns:
-        What the look-up returns.
-
-    Raises:
-        ImpactError: STALE_STATE if no such state arrives in time; or what the look-up raises.
-    """
-    deadline = time.perf_counter() + timeout
-    while True:
-        try:
-            return (yield from look_up())
-        except StateNotYetReceived as error:
-            if time.perf_counter() >= deadline:
-                reason = f"{error.reason}; waited {timeout:.6g} s (max_state_wait)"
-                raise ImpactError(StatusCode.STALE_STATE, error.field, reason) from None
-        yield deadline
-
-
-def complete(
-    request: ResolveCollision.Request, states: LatestStates, parameters: Parameters
-) -> LookUp[list[StateUsed]]:
+def complete(request: ResolveCollision.Request, finder: StateFinder) -> LookUp[list[StateUsed]]:
     """Replace bodies given only by name by their latest states, and check names, ages and frames.
 
-    Args:
-        request: changed in place; unchanged if there is an error.
-        states: the latest states received.
-        parameters: the parameters of the node.
+    The request is changed in place, but not if there is an error.
 
     Returns:
         The states used for body_a and body_b.
@@ -168,26 +171,18 @@ def complete(
         ImpactError: SAME_BODY, UNKNOWN_BODY, STALE_STATE or FRAME_MISMATCH.
     """
     yield from ()  # two bodies need no pause
-    header, field = request.contact.header, "contact.header"
-    check_world_frame(f"{field}.frame_id", header.frame_id, parameters.world_frame)
-    names = {
-        owner: name
-        for owner, name in zip(OWNERS, names_of(request), strict=True)
-        if name and _has_only_a_name(getattr(request, owner))
-    }
+    names = dict(zip(OWNERS, names_of(request), strict=True))
+    bodies = {owner: getattr(request, owner) for owner in OWNERS}
+    by_name = [owner for owner in OWNERS if names[owner] and _has_only_a_name(bodies[owner])]
     for owner in OWNERS:
-        if owner not in names:
-            check_frame(owner, getattr(request, owner), f"{field}.frame_id", header.frame_id)
-    states_used = dict.fromkeys(OWNERS, GIVEN_IN_FULL)
-    if names:
-        finder = StateFinder(field, header, request.not_before, states, parameters)
-        found = {owner: finder.find(owner, f"{owner}.name", name) for owner, name in names.items()}
-        for owner, (state, used) in found.items():
-            finder.check(owner, state, used.age)
-        for owner, (state, used) in found.items():
-            setattr(request, owner, state)
-            states_used[owner] = used
-    return [*states_used.values()]
+        if owner not in by_name:
+            finder.check_frame(owner, bodies[owner])
+    found = {owner: finder.find(owner, f"{owner}.name", names[owner]) for owner in by_name}
+    for owner, (state, used) in found.items():
+        finder.check(owner, state, used.age)
+    for owner, (state, _) in found.items():
+        setattr(request, owner, state)
+    return [found[owner][1] if owner in found else GIVEN_IN_FULL for owner in OWNERS]
 
 
 def _has_only_a_name(body: BodyState) -> bool:
@@ -238,32 +233,3 @@ def check_immovable(immovable: Sequence[int], count: int) -> None:
     if len(immovable) and np.max(immovable) >= count:
         reason = f"must hold indices below {count}, holds {np.max(immovable)}"
         raise ImpactError(StatusCode.INVALID_TABLE, "immovable", reason)
-
-
-def check_world_frame(field: str, frame: str, world_frame: str) -> None:
-    """Refuse a frame other than ``world_frame``, unless that is empty.
-
-    Raises:
-        ImpactError: FRAME_MISMATCH.
-    """
-    if world_frame and frame != world_frame:
-        reason = f"is {quoted(frame)}, but the parameter world_frame is {world_frame!r}"
-        raise ImpactError(StatusCode.FRAME_MISMATCH, field, reason)
-
-
-def check_frame(owner: str, state: BodyState, expected_field: str, expected: str) -> None:
-    """Refuse a body that is not in the expected frame.
-
-    Args:
-        owner: what the error calls the body.
-        state: the body.
-        expected_field: the field that holds the expected frame.
-        expected: the expected frame.
-
-    Raises:
-        ImpactError: FRAME_MISMATCH.
-    """
-    frame = state.header.frame_id
-    if frame != expected:
-        reason = f"is {quoted(frame)}, but {expected_field} is {quoted(expected)}"
-        raise ImpactError(StatusCode.FRAME_MISMATCH, f"{owner}.header.frame_id", reason)

@@ -15,7 +15,7 @@ from ..srv import ResolveCollision
 from ..status import ImpactError
 from . import convert
 from .answer_log import AnswerLog
-from .body_lookup import complete, wait_for_states
+from .body_lookup import StateFinder, complete
 from .parameters import LatestParameters
 from .server import Work
 from .states import LatestStates
@@ -46,8 +46,9 @@ class ImpactService:
     def answer(self, request: ResolveCollision.Request) -> Work:
         """Compute the response to a request, in steps."""
         parameters = self.parameters.values
-        look_up = partial(complete, request, self.states, parameters)
-        states_used = yield from wait_for_states(look_up, parameters.max_state_wait)
+        contact = request.contact
+        finder = StateFinder("contact.header", contact.header, request.not_before, self.states, parameters)
+        states_used = yield from finder.wait(partial(complete, request, finder))
         self._warn_of_coefficients(request)
         problem, coefficients = convert.problem_of(request, parameters)
 

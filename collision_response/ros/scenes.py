@@ -30,8 +30,6 @@ from .body_lookup import (
     StateUsed,
     check_distinct,
     check_immovable,
-    check_world_frame,
-    wait_for_states,
 )
 from .parameters import LatestParameters, Parameters
 from .server import Work
@@ -91,10 +89,9 @@ class SceneService:
     def answer(self, request: ResolveScene.Request) -> Work:
         """Compute the response to a request, in steps."""
         parameters = self.parameters.values
-        check_world_frame("header.frame_id", request.header.frame_id, parameters.world_frame)
+        finder = StateFinder("header", request.header, request.not_before, self.states, parameters)
         contacts = contacts_of(request, parameters.budget_scene_contacts)
-        look_up = partial(bodies_of, request, self.states, parameters)
-        bodies = yield from wait_for_states(look_up, parameters.max_state_wait)
+        bodies = yield from finder.wait(partial(bodies_of, request, finder))
         problem, coefficients = problem_of(request, contacts, bodies, parameters)
 
         try:
@@ -143,9 +140,7 @@ def contacts_of(request: ResolveScene.Request, max_contacts: int) -> list[Contac
     return messages
 
 
-def bodies_of(
-    request: ResolveScene.Request, states: LatestStates, parameters: Parameters
-) -> LookUp[list[SceneBody]]:
+def bodies_of(request: ResolveScene.Request, finder: StateFinder) -> LookUp[list[SceneBody]]:
     """Collect the bodies of a request: those of the table, then the latest states of those given by name.
 
     Raises:
@@ -167,7 +162,6 @@ def bodies_of(
     check_immovable(request.immovable, count)
     columns, immovable = table.T.tolist(), np.zeros(count, bool)
     immovable[np.asarray(request.immovable)] = True
-    finder = StateFinder("header", request.header, request.not_before, states, parameters)
     bodies: list[SceneBody] = []
     for i, name in enumerate(names):
         if not i % BODIES_PER_STEP:
