@@ -80,6 +80,8 @@ def test_the_state_with_the_later_stamp_is_used_whatever_arrives_last():
     store.hear(left(1.0, 10))
     assert store.speed() == 2.0
     assert store.states.outdated == 1
+    (report,) = store.reports
+    assert report.startswith("a state older than the known one is ignored, 1 in all: ")
 
 
 def test_with_equal_or_missing_stamps_the_last_to_arrive_is_used():

@@ -171,11 +171,13 @@ def test_a_scene_of_too_many_bodies_is_refused_by_name(shared_node):
 
 
 def test_a_batch_of_too_many_contacts_is_refused_by_name(graph):
+    logged = graph.log()
     graph.serve(budget__contacts=10)
     assert graph.call(falling(10)).success
     response = graph.call(falling(11))
     assert response.code == StatusCode.BUDGET_EXCEEDED
     assert response.message == "pairs: has 11 contacts; budget.contacts is 10: send fewer at a time"
+    wait_until(lambda: f"a request was refused: {response.message}" in logged)
 
 
 def test_a_request_that_takes_too_long_is_refused_by_name(graph):

@@ -87,6 +87,7 @@ class Call(NamedTuple):
         service: the same, as rclpy has it.
         clients: the clients of that service.
         client: the client that called.
+        request: what it asks for.
         header: identifies the request to DDS.
         received: when it was received [s], by ``time.perf_counter``.
     """
@@ -95,6 +96,7 @@ class Call(NamedTuple):
     service: Service[Any, Any]
     clients: ConnectedClients
     client: bytes
+    request: Any
     header: Any
     received: float
 
@@ -198,14 +200,10 @@ class Server:
         client = client_id(header)
         self._unconfirmed.pop(client, None)  # the request is a sign of life
         self._counters.requests += 1
-        call = Call(node_service, service, clients, client, header, time.perf_counter())
+        call = Call(node_service, service, clients, client, request, header, time.perf_counter())
+        self._jobs.add(client, Job(self._steps(call), partial(self._refuse, call)))
 
-        def send_refusal(error: ImpactError) -> None:
-            self._send(call, error.code, node_service.refusal(request, error))
-
-        self._jobs.add(client, Job(self._steps(call, request), send_refusal))
-
-    def _steps(self, call: Call, request: Any) -> Steps:
+    def _steps(self, call: Call) -> Steps:
         """Answer a request, unless its client has left.
 
         No exception may leave this method: it would end ``spin()``.
@@ -218,11 +216,16 @@ class Server:
             self._counters.dropped += 1
             return
         try:
-            status, response = yield from call.node_service.answer(request)
+            status, response = yield from call.node_service.answer(call.request)
         except Exception as error:
-            reason = self._as_refusal(error)
-            status, response = reason.code, call.node_service.refusal(request, reason)
-        self._send(call, status, response)
+            self._refuse(call, self._as_refusal(error))
+        else:
+            self._send(call, status, response)
+
+    def _refuse(self, call: Call, error: ImpactError) -> None:
+        if error.code is StatusCode.BUDGET_EXCEEDED:
+            self._log.warning(f"a request was refused: {error}", throttle_duration_sec=WARNING_INTERVAL)
+        self._send(call, error.code, call.node_service.refusal(call.request, error))
 
     def _as_refusal(self, error: Exception) -> ImpactError:
         if isinstance(error, ImpactError):

@@ -182,7 +182,13 @@ class LatestStates:
     def _count_outdated(self, old: AnySerialized, new: AnySerialized) -> AnySerialized:
         """The later of two messages; counts ``new`` as outdated if it is not."""
         later = self._later(old, new)
-        self.outdated += later is old
+        if later is old:
+            self.outdated += 1
+            self._warn(
+                "outdated",
+                f"a state older than the known one is ignored, {self.outdated} in all: if time was set "
+                "back, as when a bag or a simulation starts again, use /clock and use_sim_time",
+            )
         return later
 
     def _count(self, info: Any, kind: str, advice: str) -> bytes:
