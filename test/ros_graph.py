@@ -68,11 +68,11 @@ class Graph:
         self._nodes.remove(node)
         node.destroy_node()
 
-    def serve(self, **parameters: Any) -> CollisionResponseNode:
+    def serve(self, cli_args: Any = None, **parameters: Any) -> CollisionResponseNode:
         """Start the node under test; a double underscore in a parameter's name stands for a dot."""
         overrides = [Parameter(name.replace("__", "."), value=value) for name, value in parameters.items()]
         self.node = CollisionResponseNode(
-            context=self.context, namespace=self.namespace, parameter_overrides=overrides
+            context=self.context, namespace=self.namespace, parameter_overrides=overrides, cli_args=cli_args
         )
         return self.add(self.node)
 

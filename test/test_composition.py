@@ -166,7 +166,11 @@ def test_nodes_that_record_leave_no_file_open_and_are_collected(graph, tmp_path)
     ],
     ids=["topics", "diagnostics", "parameters"],
 )
-def test_a_start_that_fails_leaves_no_recording(graph, tmp_path, parameters, error):
+def test_a_start_that_fails_leaves_no_recording_and_shows_no_service(
+    graph, tmp_path, parameters, error, monkeypatch
+):
+    would_wait = "a client would wait for answers"
+    monkeypatch.setattr("collision_response.ros.node.Server", lambda *_: pytest.fail(would_wait))
     recording = {"recording__enabled": True, "recording__directory": str(tmp_path)}
     with pytest.raises(error):
         graph.serve(**recording, **parameters)

@@ -10,6 +10,7 @@ pytest.importorskip("rclpy")
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.parameter import Parameter
+from rclpy.qos import qos_profile_sensor_data
 from ros_graph import DEADLINE, assign, ball, balls_meet, wait_until
 from rosgraph_msgs.msg import Clock
 
@@ -81,11 +82,22 @@ def test_states_come_from_every_topic_of_the_parameter(graph):
     assert graph.user.count_subscribers("robots") == 1
 
 
-@pytest.mark.parametrize("again", ["robots", "{}/robots"])
+@pytest.mark.parametrize("again", ["robots", "{}/robots", "remapped"])
 def test_a_topic_that_is_given_twice_has_one_subscription(graph, again):
-    graph.serve(body_state_topics=["robots", again.format(graph.namespace)])
+    graph.serve(
+        cli_args=["--ros-args", "-r", "remapped:=robots"],
+        body_state_topics=["robots", again.format(graph.namespace)],
+    )
     wait_until(lambda: graph.user.count_subscribers("robots"))
     assert graph.user.count_subscribers("robots") == 1
+
+
+def test_a_publisher_that_a_reliable_subscription_cannot_hear_is_warned_about(graph):
+    logged, topic = graph.log(), f"{graph.namespace}/all_body_states"
+    graph.serve(**{f"qos_overrides.{topic}.subscription.reliability": "reliable"})
+    graph.user.create_publisher(BodyStates, topic, qos_profile_sensor_data)
+    warning = f"New publisher discovered on topic '{topic}', offering incompatible QoS. "
+    wait_until(lambda: any(text.startswith(warning) for text in logged))
 
 
 def test_an_unknown_body_is_refused_with_the_names_that_are_known(graph):

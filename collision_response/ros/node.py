@@ -107,19 +107,16 @@ class CollisionResponseNode(Node):
             SceneService(self.parameters, self._states, answer_log),
         )
         warm_up()
-        counters = Counters()
-        self._server = Server(
-            self, services, counters, self.parameters, self._after_sending, value("service_introspection")
-        )
-        topics = dict.fromkeys(map(self._expanded, filter(None, value("body_state_topics"))))
+        topics = {self._resolved(topic): topic for topic in value("body_state_topics") if topic}
         self._state_inputs = [
-            *(self._subscribe(BodyState, topic, STATE_QOS, self._add_state) for topic in topics),
+            *(self._subscribe(BodyState, topic, STATE_QOS, self._add_state) for topic in topics.values()),
             self._subscribe(BodyStates, TABLE_TOPIC, TABLE_QOS, self._states.add_table),
         ]
         self._states.take_all = self._take_states
-        Diagnostics(self, counters, self._states, self._entries_not_recorded, self._server.waiting)
+        counters = Counters()
+        Diagnostics(self, counters, self._states, self._entries_not_recorded, lambda: self._server.waiting())
         parameters.warn_of_unknown(self, given)
-        if value("recording.enabled"):  # at the end: a start that fails leaves no file
+        if value("recording.enabled"):  # now: a start that fails leaves no file
             self._recorder = answer_log.recorder = Recorder(
                 Path(value("recording.directory")),
                 self.get_logger().warning,
@@ -128,9 +125,13 @@ class CollisionResponseNode(Node):
                 max_size=value("recording.max_size"),
                 max_duration=value("recording.max_duration"),
             )
+        # Last: clients take the node for ready as soon as they see its services.
+        self._server = Server(
+            self, services, counters, self.parameters, self._after_sending, value("service_introspection")
+        )
         self.get_logger().info(
             f"serving {', '.join(self.resolve_service_name(service.name) for service in services)}; "
-            f"body states from {', '.join(map(self.resolve_topic_name, topics)) or 'requests only'}; "
+            f"body states from {', '.join(topics) or 'requests only'}; "
             f"results on {', '.join(answer_log.topics)}"
             f"{'; not recording' if self._recorder is None else ''}"
         )
@@ -170,9 +171,9 @@ class CollisionResponseNode(Node):
         self._answer_log.publish()
         self.impact_service.prepare()
 
-    def _expanded(self, topic: str) -> str:
+    def _resolved(self, topic: str) -> str:
         validate_topic_name(topic)  # with an error that shows the name
-        return self.resolve_topic_name(topic, only_expand=True)
+        return self.resolve_topic_name(topic)
 
     def _subscribe(
         self, kind: Any, topic: str, qos: QoSProfile, add: Callable[[bytes, Any], object]
@@ -187,8 +188,13 @@ class CollisionResponseNode(Node):
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
+        if subscription.qos_profile.reliability is ReliabilityPolicy.RELIABLE:  # not all publishers match
+            group, events = self.default_callback_group, SubscriptionEventCallbacks()
+            for warning in events.create_event_handlers(group, subscription.handle, subscription.topic_name):
+                subscription.event_handlers.append(warning)  # destroyed with it
+                self.add_waitable(warning)
         return TakeAllWaitable(
-            self, subscription, add, self._server.states_arrived, self._states.note_unreadable
+            self, subscription, add, lambda: self._server.states_arrived(), self._states.note_unreadable
         )
 
     def _take_states(self) -> None:
