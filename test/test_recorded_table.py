@@ -32,9 +32,18 @@ from collision_response import (
     resolve_scene,
 )
 from collision_response.cli import main
-from collision_response.recording import Record, Refusal, SceneRecord
+from collision_response.recording import Record, Refusal, SceneRecord, table
 from collision_response.recording import scenes as scenes_table
-from collision_response.recording.table import ANSWER, read, rows_of
+from collision_response.recording.table import (
+    ALWAYS_PRESENT,
+    ANSWER,
+    NUMBER_LIST,
+    VECTOR,
+    WORD,
+    WORD_LIST,
+    read,
+    rows_of,
+)
 from collision_response.recording.writer import Recording, Writer
 
 FLOOR = Body.static((0.0, 0.0, -1.0))
@@ -269,22 +278,78 @@ def test_a_recording_of_something_else_is_refused_in_one_line(tmp_path, capsys, 
     _assert_refused_as_foreign(path, capsys)
 
 
-@pytest.mark.parametrize("name", sorted({*ANSWER} - {"answer"}))
-@pytest.mark.parametrize("wrong", [None, pa.array([True]), pa.FixedSizeListArray.from_arrays([1.0, 2.0], 2)])
-def test_each_column_of_an_answer_is_required(all_kinds, tmp_path, capsys, name, wrong):
-    row = read([all_kinds]).slice(0, 1)
-    columns = {key: row[key].combine_chunks() for key in ANSWER if key != "answer"}
-    if name == "request_model" and wrong is not None and pa.types.is_fixed_size_list(wrong.type):
-        wrong = pa.array([1.0])
-    columns[name] = wrong
-    path = tmp_path / "other.rrd"
+TABLES = {"/impacts": ANSWER, "/scenes": scenes_table.COLUMNS}
+
+
+def columns_of(recording, entity):
+    """Columns of a recorded answer, as rerun takes them."""
+    entry, module = (record(1, next(requests())), table) if entity == "/impacts" else (scene(1), scenes_table)
+    row = module.read([recording([entry], "answer.rrd")])
+    columns = {name: row[name].combine_chunks() for name in TABLES[entity] if name != "answer"}
+    several = [name for name in columns if TABLES[entity][name] in (WORD_LIST, NUMBER_LIST)]
+    return columns | {name: columns[name].flatten() for name in several}
+
+
+def edited(path, entity, columns):
+    """A recording with one answer that was made by hand; columns of ``None`` are left out."""
     with rr.RecordingStream("other") as stream:
         stream.save(path)
+        stream.log(ALWAYS_PRESENT, rr.SeriesPoints(markers="circle"), static=True)
         stream.set_time("answer", sequence=1)
-        known = {key: column for key, column in columns.items() if column is not None}
-        stream.log("/impacts", rr.DynamicArchetype("Impact", components=known))
+        known = {name: column for name, column in columns.items() if column is not None}
+        stream.log(entity, rr.DynamicArchetype("Impact", components=known))
         stream.disconnect()
-    _assert_refused_as_foreign(path, capsys)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("entity", "name"),
+    [(entity, name) for entity, columns in TABLES.items() for name in columns if name != "answer"],
+)
+def test_each_column_of_an_answer_is_required(recording, tmp_path, capsys, entity, name):
+    columns, kind = columns_of(recording, entity), TABLES[entity][name]
+    wrong = [None, pa.array([True]), pa.array([1.0, None]), _vectors(2)]
+    wrong += [pa.array([1.0])] if kind in (WORD, WORD_LIST) else [pa.array(["1.0"])]
+    for column in wrong:
+        if kind != VECTOR or column != _vectors(2):
+            path = edited(tmp_path / "edited.rrd", entity, columns | {name: column})
+            _assert_refused_as_foreign(path, capsys)
+
+
+@pytest.mark.parametrize(
+    ("entity", "name", "numbers"),
+    [
+        ("/scenes", "request_bodies", [1.0] * 45),
+        ("/scenes", "request_contacts", [1.0] * 35),
+        ("/scenes", "request_pairs", [0.0]),
+        *(("/scenes", "request_pairs", [0.0, x] * 4) for x in (0.5, math.nan, math.inf)),
+        *((one, "request_model", [x] * n) for one in TABLES for n, x in ((2, 1.0), (9, math.inf), (9, 0.5))),
+    ],
+)
+def test_an_incomplete_request_is_refused_in_one_line(recording, tmp_path, capsys, entity, name, numbers):
+    values = pa.array(numbers) if entity == "/scenes" else _vectors(*numbers)
+    path = edited(tmp_path / "edited.rrd", entity, columns_of(recording, entity) | {name: values})
+    assert main(["replay", str(path)]) == 2
+    said = capsys.readouterr()
+    assert said.err.startswith(f"collision_response replay: answer 1: {name} ")
+    assert (said.out, said.err.count("\n")) == ("", 1)
+
+
+def _vectors(*numbers):
+    return pa.FixedSizeListArray.from_arrays(pa.array(map(float, numbers)), len(numbers))
+
+
+@pytest.mark.parametrize("command", ["merge", "optimize"])
+def test_a_recording_whose_pieces_were_joined_is_the_same(all_kinds, recording, command):
+    """rerun then puts answers and refusals into one piece."""
+    rows = [record(number, request) for number, request in enumerate(requests(), start=1)]
+    mixed = [entry for row in rows for entry in (row, Refusal(row.stamp, 100 + row.sequence, "NO: why"))]
+    path = recording([*mixed, scene(50), scene(51)], "pieces.rrd")
+    joined = path.with_name("joined.rrd")
+    subprocess.run([sys.executable, "-m", "rerun", "rrd", command, path, "-o", joined], check=True)
+    before, after = ([sorted(row.items()) for row in rows_of(read([one]))] for one in (path, joined))
+    assert str(before) == str(after)  # as text, where NaN is NaN
+    assert main(["replay", str(joined)]) == 0
 
 
 @pytest.mark.parametrize("tolerance", ["nan", "inf", "-inf", "-1", "-1e-300", "none", ""])

@@ -35,7 +35,7 @@ def main(arguments: list[str]) -> int:
     answers = [
         (row, table.differences, f"{row['body_a']} on {row['body_b']}")
         for row in impact_rows
-        if row.get("request_a") is not None
+        if table.is_answer(row)
     ]
     impacts = len(answers)
     answers += [(row, scenes.differences, f"scene of {', '.join(row['bodies'])}") for row in scene_rows]

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .rerun_sdk import pa
-from .table import rows_of
+from .table import is_answer, rows_of
 from .viewer_layout import BLUE, GREY, ORANGE, RED, REGIMES, VIOLET, Colour
 
 SHOWN = 3000
@@ -23,10 +23,9 @@ LISTED = 10
 MOST = 1e300
 """Values beyond this are drawn at the edge of a plot, so that the range of an axis does not overflow."""
 
-CAUSES = ("restitution", "friction")
-"""Causes of energy losses."""
+CAUSES = {"restitution": RED, "friction": VIOLET}
+"""Causes of energy losses, and their colours."""
 
-COLOURS = {**REGIMES, "restitution": RED, "friction": VIOLET}
 
 Row = dict[str, Any]
 
@@ -51,14 +50,14 @@ class Summary(NamedTuple):
     def of(cls, impacts: pa.Table, scenes: pa.Table) -> Summary:
         """Sort the tables that ``read`` of ``recording.table`` and of ``recording.scenes`` return."""
         rows = rows_of(impacts)
-        answers = [row for row in rows if row.get("regime")]
+        answers = [row for row in rows if is_answer(row)]
         before, after = _column(answers, "kinetic_energy_before"), _column(answers, "kinetic_energy_after")
         restitution, friction = (_column(answers, f"energy_lost_{cause}") for cause in CAUSES)
         with np.errstate(over="ignore"):
             gap = abs(before - after - restitution - friction)
             gap[[any(map(_is_driven, (row["request_a"], row["request_b"]))) for row in answers]] = math.nan
             residuals = np.divide(gap, before, out=np.zeros_like(gap), where=before > 0)
-        return cls(answers, [row for row in rows if not row.get("regime")], residuals, rows_of(scenes))
+        return cls(answers, [row for row in rows if not is_answer(row)], residuals, rows_of(scenes))
 
 
 def in_words(summary: Summary) -> list[str]:
@@ -127,7 +126,7 @@ def _energy_plot(summary: Summary, shown: np.ndarray) -> SvgPlot:
     y = _limits(np.concatenate([*lost.values(), [0.0]]))
     plot = SvgPlot("Energy lost so far [J]", "answer", _limits(number), y)
     for cause, values in lost.items():
-        plot.line(number[shown], values[shown], COLOURS[cause], cause)
+        plot.line(number[shown], values[shown], CAUSES[cause], cause)
     return plot
 
 
@@ -152,7 +151,7 @@ def _time_plot(summary: Summary, shown: np.ndarray) -> SvgPlot | None:
     x, key = _limits(number), _regime_key(rows)
     plot = SvgPlot("Time to compute [s]", "answer", x, (-6.0, 0.0), log_y=True, key=key)
     heights = np.log10(np.clip(duration, 1e-6, 1.0))
-    plot.points(number[shown], heights, [COLOURS[row["regime"]] for row in rows], [*map(_label, rows)])
+    plot.points(number[shown], heights, [_colour(row["regime"]) for row in rows], [*map(_label, rows)])
     return plot
 
 
@@ -169,12 +168,16 @@ def _cone_plot(summary: Summary, shown: np.ndarray) -> SvgPlot | None:
     title = "Impulses in their cones: tangential over normal"
     plot = SvgPlot(title, "friction", limits, limits, key=_regime_key(rows))
     plot.line(np.array(limits), np.array(limits), GREY, "edge of the cone")
-    plot.points(mu, slope, [COLOURS[row["regime"]] for row in rows], [*map(_label, rows)])
+    plot.points(mu, slope, [_colour(row["regime"]) for row in rows], [*map(_label, rows)])
     return plot
 
 
 def _regime_key(rows: list[Row]) -> dict[str, Colour]:
-    return {regime: COLOURS[regime] for regime in sorted({row["regime"] for row in rows})}
+    return {regime: _colour(regime) for regime in sorted({row["regime"] for row in rows})}
+
+
+def _colour(regime: str) -> Colour:
+    return REGIMES.get(regime, GREY)  # grey: of another version
 
 
 def _tables(summary: Summary) -> Iterator[str]:

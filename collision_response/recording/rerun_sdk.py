@@ -8,9 +8,10 @@ try:
     import pyarrow as pa
     import rerun as rr
     import rerun.blueprint as rrb
+    from pyarrow import compute
     from rerun.chunk import RrdReader
     from rerun.error_utils import RerunWarning
 except ModuleNotFoundError:
     raise missing("rerun", "rerun-sdk") from None
 
-__all__ = ["RerunWarning", "RrdReader", "pa", "rr", "rrb"]
+__all__ = ["RerunWarning", "RrdReader", "compute", "pa", "rr", "rrb"]

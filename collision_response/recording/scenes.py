@@ -1,16 +1,6 @@
 """The table ``/scenes`` of a recording, with one row per scene: writing, reading and recomputing it.
 
-Its columns, after the timelines. Columns of bodies and contacts hold all bodies or contacts of the scene, one
-after the other:
-
-* words: ``status``, ``law``, ``geometry``, ``precision``, ``adjustments``; lists of words: ``bodies``
-  (names), ``regimes``
-* numbers, as in :class:`~collision_response.SceneImpact`: the fields of ``NUMBERS``
-* for bodies: ``twists``, each ``vx vy vz wx wy wz`` after the impact
-* for contacts: ``impulses``, each ``x y z``; ``normal_velocities_before``, ``normal_velocities_after``;
-  ``restitution``, ``friction``, as used
-* the request: ``request_bodies``, ``request_contacts`` and ``request_model`` with the numbers of
-  ``/impacts``; ``request_pairs``, each ``a b``
+docs/recordings.md says what its columns hold.
 """
 
 from __future__ import annotations
@@ -31,25 +21,17 @@ from .table import ARCHETYPE, changed_columns, contact_of, model_of, numbers_of_
 
 TABLE = "/scenes"
 
-LISTS = (
-    "bodies",
-    "regimes",
-    "twists",
-    "impulses",
-    "normal_velocities_before",
-    "normal_velocities_after",
-    "restitution",
-    "friction",
-    "request_bodies",
-    "request_pairs",
-    "request_contacts",
-    "request_model",
-)
-COLUMNS = {
+COLUMNS: table.Columns = {
     "answer": table.NUMBER,
     **dict.fromkeys(("status", *ENUMERATIONS, "adjustments"), table.WORD),
     **dict.fromkeys(NUMBERS, table.NUMBER),
-    **dict.fromkeys(LISTS, table.LIST),
+    **dict.fromkeys(("bodies", "regimes"), table.WORD_LIST),
+    **dict.fromkeys(("twists", "impulses"), table.NUMBER_LIST),
+    **dict.fromkeys(("normal_velocities_before", "normal_velocities_after"), table.NUMBER_LIST),
+    **dict.fromkeys(("restitution", "friction"), table.NUMBER_LIST),
+    **dict.fromkeys(
+        ("request_bodies", "request_pairs", "request_contacts", "request_model"), table.NUMBER_LIST
+    ),
 }
 CONTACT_SIZE = 9
 """Numbers of each contact in ``request_contacts``."""
@@ -70,7 +52,7 @@ def read(paths: Iterable[Path | str]) -> pa.Table:
         OSError, RuntimeError: if a file cannot be read.
         ValueError: if a file is not a recording of this node, or is not complete.
     """
-    return table.read(paths, TABLE, LISTS, COLUMNS)
+    return table.read(paths, TABLE, COLUMNS, {})
 
 
 def _answer_of(impact: SceneImpact) -> dict[str, Any]:
@@ -106,11 +88,11 @@ def differences(row: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
     """Compute the scene of a row again, and yield each column that differs, with its old and new value.
 
     Raises:
-        ValueError: if this version does not know the model.
+        ValueError: if this version does not know the model, or a body, a contact or a pair is incomplete.
     """
-    bodies = [body_from_numbers(numbers) for numbers in _split(row["request_bodies"], ROWS)]
-    contacts = [contact_of(numbers) for numbers in _split(row["request_contacts"], CONTACT_SIZE)]
-    pairs = [(int(a), int(b)) for a, b in _split(row["request_pairs"], 2)]
+    bodies = [body_from_numbers(numbers) for numbers in _split(row, "request_bodies", ROWS)]
+    contacts = [contact_of(numbers) for numbers in _split(row, "request_contacts", CONTACT_SIZE)]
+    pairs = [(_index(a), _index(b)) for a, b in _split(row, "request_pairs", 2)]
     model = model_of(row["request_model"])
     try:
         now = _answer_of(resolve_scene(bodies, pairs, contacts, model))
@@ -119,5 +101,14 @@ def differences(row: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
     yield from changed_columns(row, now)
 
 
-def _split(numbers: Sequence[float], size: int) -> list[Sequence[float]]:
+def _split(row: dict[str, Any], name: str, size: int) -> list[Sequence[float]]:
+    numbers = row[name]
+    if len(numbers) % size:
+        raise ValueError(f"{name} must have a multiple of {size} numbers, has {len(numbers)}")
     return [numbers[i : i + size] for i in range(0, len(numbers), size)]
+
+
+def _index(number: float) -> int:
+    if number % 1 != 0:  # also of NaN and infinity
+        raise ValueError(f"request_pairs must have whole numbers, has {number}")
+    return int(number)

@@ -1,19 +1,6 @@
 """The table ``/impacts`` of a recording, with one row per impact: writing, reading and recomputing it.
 
-Its columns, after the timelines:
-
-* words: ``status``; ``message``, for refusals only; ``body_a``, ``body_b`` (names); ``law``, ``geometry``,
-  ``precision``, as used; ``regime``; ``adjustments``
-* numbers, as in :class:`~collision_response.Impact`: the fields of ``NUMBERS``
-* ``restitution``, ``friction``, as used; ``duration``: the time that the computation took [s]
-* vectors: ``position``, ``normal``, ``impulse``; ``twist_a_before``, ``twist_a_after``, ``twist_b_before``,
-  ``twist_b_after``, each ``vx vy vz wx wy wz``
-* the request: ``request_a``, ``request_b``, with the rows of ``BodyStates.msg`` (an immovable body has
-  infinite mass); ``request_contact``, ``x y z nx ny nz e mu et`` (et is NaN if the model's value is used);
-  ``request_model``, the fields of :class:`~collision_response.ImpactModel`; if a body is articulated, also
-  ``inverse_inertia_a`` and ``inverse_inertia_b``, the 21 numbers of the upper triangle (NaN for a rigid body)
-
-The row of a refusal has only a status and a message.
+docs/recordings.md says what its columns hold. The row of a refusal has only a status and a message.
 """
 
 from __future__ import annotations
@@ -21,7 +8,7 @@ from __future__ import annotations
 import math
 import shlex
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +21,7 @@ from ..model import ENUMERATIONS
 from ..physics.inverse_inertia import InverseInertia
 from ..physics.vector import Vec3
 from .record import Record, Refusal
-from .rerun_sdk import RerunWarning, RrdReader, pa, rr
+from .rerun_sdk import RerunWarning, RrdReader, compute, pa, rr
 from .viewer_layout import PLOTS
 
 TABLE = "/impacts"
@@ -44,18 +31,22 @@ TIMELINES = ("ros_time", "answer")
 ALWAYS_PRESENT = next(iter(PLOTS))
 """An entity that every recording has, even one without answers: the style of this plot is always written."""
 
-WORD, NUMBER, LIST = 0, 1, -1
-"""Kinds of columns. A greater kind is a vector with that many components."""
-REFUSAL = {"answer": NUMBER, "status": WORD, "message": WORD}
-ANSWER = {
+WORD, NUMBER, WORD_LIST, NUMBER_LIST, VECTOR = "word", "number", "words", "numbers", 0
+"""Kinds of columns: one word or number in each row, or several. A kind that is a number is a vector with
+that many components; 0: with the same number of them in each row."""
+Columns = dict[str, str | int]
+REFUSAL: Columns = {"answer": NUMBER, "status": WORD, "message": WORD}
+ANSWER: Columns = {
     "answer": NUMBER,
     **dict.fromkeys(("status", "body_a", "body_b", *ENUMERATIONS, "regime"), WORD),
     "adjustments": WORD,
     **dict.fromkeys((*NUMBERS, "restitution", "friction", "duration"), NUMBER),
     **dict.fromkeys(("position", "normal", "impulse"), 3),
     **dict.fromkeys(("twist_a_before", "twist_a_after", "twist_b_before", "twist_b_after"), 6),
-    **{"request_a": ROWS, "request_b": ROWS, "request_contact": 9, "request_model": LIST},
+    **{"request_a": ROWS, "request_b": ROWS, "request_contact": 9, "request_model": VECTOR},
 }
+OF_ARTICULATED = dict.fromkeys(("inverse_inertia_a", "inverse_inertia_b"), len(InverseInertia._fields))
+OPTIONAL: Columns = {"message": WORD, **OF_ARTICULATED}
 
 
 def answer_of(row: Record) -> dict[str, Any]:
@@ -91,11 +82,9 @@ def _request_of(row: Record) -> dict[str, list[float]]:
 
 
 def _inverse_inertias_of(row: Record) -> dict[str, list[float]]:
+    both = row.body_a.inverse_inertia, row.body_b.inverse_inertia
     rigid = [math.nan] * len(InverseInertia._fields)
-    return {
-        "inverse_inertia_a": [*(row.body_a.inverse_inertia or rigid)],
-        "inverse_inertia_b": [*(row.body_b.inverse_inertia or rigid)],
-    }
+    return {name: [*(one or rigid)] for name, one in zip(OF_ARTICULATED, both, strict=True)}
 
 
 def numbers_of_contact(requested: Contact, used: Contact) -> list[float]:
@@ -135,18 +124,15 @@ def _array(values: list[Any]) -> pa.Array:
 
 
 def read(
-    paths: Iterable[Path | str],
-    table: str = TABLE,
-    lists: Sequence[str] = (),
-    columns: Mapping[str, int] = ANSWER,
+    paths: Iterable[Path | str], table: str = TABLE, columns: Columns = ANSWER, optional: Columns = OPTIONAL
 ) -> pa.Table:
     """Read all impacts and refusals of some recordings, in the order of their answers.
 
     Args:
         paths: paths of the files.
         table: entity of another table to read instead.
-        lists: columns of that table with several values in each row.
-        columns: kinds of the columns that answers have in that table.
+        columns: the columns that every answer has in that table, and their kinds.
+        optional: the columns that rows may have. Rows with a ``message`` are refusals.
 
     Raises:
         OSError, RuntimeError: if a file cannot be read.
@@ -159,19 +145,9 @@ def read(
         if not chunks and not recording.stream().filter(content=ALWAYS_PRESENT).to_chunks():
             raise _foreign(path, f"it has neither {table} nor {ALWAYS_PRESENT}")
         for chunk in chunks:
-            batch = chunk.to_record_batch()
-            found = {
-                name.removeprefix(f"{ARCHETYPE}:"): batch.column(name)
-                for name in batch.schema.names
-                if name in TIMELINES or name.startswith(f"{ARCHETYPE}:")
-            }
-            rows = pa.table(
-                {name: c if name in (*TIMELINES, *lists) else c.flatten() for name, c in found.items()}
-            )
-            is_refusal = {*found} <= {*TIMELINES, *REFUSAL}
-            for name, kind in (REFUSAL if is_refusal else columns).items():
-                if name not in found or not _is_of(kind, rows.schema.field(name).type):
-                    raise _foreign(path, f"{table} has no valid column {name}")
+            rows = _rows_in(chunk.to_record_batch(), columns | optional)
+            if wrong := _invalid_column(rows, columns, optional):
+                raise _foreign(path, f"{table} has no valid column {wrong}")
             tables.append(rows)
     if not tables:
         return pa.table({"status": pa.array([], pa.string())})
@@ -200,15 +176,52 @@ def _foreign(path: Path | str, why: str) -> ValueError:
     return ValueError(f"{path} is not a recording of this node: {why}")
 
 
-def _is_of(kind: int, found: pa.DataType) -> bool:
-    """Whether a column of this type is of a kind."""
-    if kind == WORD:
-        return bool(pa.types.is_string(found))
-    if kind == NUMBER:
-        return bool(pa.types.is_floating(found) or pa.types.is_integer(found))
-    if kind == LIST:
-        return bool(pa.types.is_list(found) or pa.types.is_fixed_size_list(found))
-    return bool(pa.types.is_fixed_size_list(found)) and found.list_size == kind
+def _rows_in(batch: pa.RecordBatch, columns: Columns) -> pa.Table:
+    """Return the timelines and the columns with known names. rerun's lists of one value are undone."""
+    found = {name: batch.column(name) for name in TIMELINES if name in batch.schema.names}
+    for name, kind in columns.items():
+        if (own := f"{ARCHETYPE}:{name}") in batch.schema.names:
+            lists = batch.column(own)
+            lengths = {*compute.list_value_length(lists).to_pylist()}
+            is_single = kind not in (WORD_LIST, NUMBER_LIST) and lengths <= {1, None}
+            found[name] = compute.list_element(lists, 0) if is_single else lists
+    return pa.table(found)
+
+
+def _invalid_column(rows: pa.Table, columns: Columns, optional: Columns) -> str | None:
+    """Return the name of a column that a row needs and lacks, or that is of another kind, if there is one."""
+    parts = [(rows, columns)]
+    if "message" in rows.column_names:
+        is_refusal = rows["message"].is_valid()
+        parts = [(rows.filter(compute.invert(is_refusal)), columns), (rows.filter(is_refusal), REFUSAL)]
+    for part, required in parts:
+        for name, kind in (optional | required).items() if len(part) else ():
+            values = part[name] if name in part.column_names else None
+            is_missing = values is None or values.null_count > 0
+            if (is_missing and name in required) or not (values is None or _are_of(kind, values.drop_null())):
+                return name
+    return None
+
+
+def _are_of(kind: str | int, values: pa.ChunkedArray) -> bool:
+    """Whether all values are of a kind."""
+    if kind not in (WORD, NUMBER):
+        is_vector = pa.types.is_fixed_size_list(values.type)
+        if not (is_vector or pa.types.is_list(values.type)):
+            return False
+        if isinstance(kind, int) and not (is_vector and kind in (VECTOR, values.type.list_size)):
+            return False
+        values = compute.list_flatten(values)
+    if not len(values) or values.null_count:
+        return not len(values)
+    if kind in (WORD, WORD_LIST):
+        return bool(pa.types.is_string(values.type))
+    return bool(pa.types.is_floating(values.type) or pa.types.is_integer(values.type))
+
+
+def is_answer(row: dict[str, Any]) -> bool:
+    """Whether a row of the table is that of an answer, not of a refusal."""
+    return row.get("message") is None
 
 
 def rows_of(impacts: pa.Table) -> list[dict[str, Any]]:
@@ -242,10 +255,10 @@ def model_of(numbers: Sequence[float]) -> ImpactModel:
     Raises:
         ValueError: if this version has no such model.
     """
-    law, geometry, precision, *others = numbers
     try:
+        law, geometry, precision, *others = numbers
         return ImpactModel(Law(int(law)), Geometry(int(geometry)), Precision(int(precision)), *others)
-    except (TypeError, ValueError) as error:
+    except (OverflowError, TypeError, ValueError) as error:
         raise ValueError(f"request_model is not known to this version: {error}") from None
 
 
