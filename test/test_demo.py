@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from collision_response.demo import simultaneous
-from collision_response.demo.balance import EnergyBalance, angular_momentum, momentum
+from collision_response.demo.balance import EnergyBalance
 from collision_response.demo.time_of_impact import TOUCH_GAP, until_spheres_touch, until_touch
 from collision_response.physics.body import Body
 from collision_response.physics.laws import Law
@@ -54,14 +54,6 @@ def test_an_energy_balance_shows_missing_and_rising_energy():
     assert (balance.error(), balance.relative_rise()) == (0.0, 0.0)
     balance.add_impact(9.0, 0.0, 0.0)
     assert (balance.error(), balance.relative_rise()) == (pytest.approx(0.1), pytest.approx(0.1))
-
-
-def test_momenta_are_summed_over_all_bodies():
-    inertia = (1.0, 0.0, 0.0, 1.0, 0.0, 2.0)
-    a = Body.dynamic(2.0, inertia, (1.0, 0.0, 0.0), None, (0.0, 3.0, 0.0), (0.0, 0.0, 0.5))
-    b = Body.dynamic(1.0, velocity=(0.0, -6.0, 0.0), position=(-1.0, 0.0, 0.0))
-    assert momentum([a, b]) == (0.0, 0.0, 0.0)
-    assert angular_momentum([a, b]) == 6.0 + 1.0 + 6.0
 
 
 def test_the_balls_of_a_rack_touch_where_the_contacts_say():

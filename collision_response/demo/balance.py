@@ -1,12 +1,8 @@
-"""Energy balance and momentum of a scene."""
+"""Energy balance of a scene."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
-
-from ..physics.body import Body
-from ..physics.vector import ZERO, Vec3
 
 
 @dataclass
@@ -43,16 +39,3 @@ class EnergyBalance:
     def relative_rise(self) -> float:
         """The largest increase, relative to the initial energy."""
         return self.largest_rise / self.initial
-
-
-def momentum(bodies: Iterable[Body]) -> Vec3:
-    """Total linear momentum [kg m/s]."""
-    return sum((body.velocity * body.mass for body in bodies), ZERO)
-
-
-def angular_momentum(bodies: Iterable[Body]) -> float:
-    """Total angular momentum about the world's z axis [kg m^2/s]; bodies must have the world's axes."""
-    return sum(
-        body.mass * body.position.cross(body.velocity).z + (body.inertia @ body.angular_velocity).z
-        for body in bodies
-    )

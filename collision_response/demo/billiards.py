@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.energy import kinetic_energy
 from ..physics.mass_properties import sphere
-from ..physics.vector import ZERO, Vec3
-from .balance import EnergyBalance, angular_momentum, momentum
+from ..physics.vector import Vec3
+from .balance import EnergyBalance
 from .scene import FRAMES, Answer, Collision, Resolve, Show
 from .time_of_impact import until_spheres_touch
 
@@ -65,16 +65,13 @@ def _ball(x: float, y: float, speed: float = 0.0) -> Body:
 
 
 class Break:
-    """The scene with its energy and momentum balance.
+    """The scene with its energy balance.
 
     Attributes:
         time: time of the scene [s].
         balls: the balls, by name.
         impacts: number of impacts resolved so far.
         energy: the energy balance.
-        cushion_momentum: momentum that the cushions have received [kg m/s].
-        cushion_angular_momentum: angular momentum about the middle of the table that they have received [kg
-            m^2/s].
     """
 
     def __init__(self, balls: Mapping[str, Body]) -> None:
@@ -82,12 +79,9 @@ class Break:
         self.balls = dict(balls)
         self.impacts = 0
         self.energy = EnergyBalance(self._kinetic_energy())
-        self.cushion_momentum, self.cushion_angular_momentum = ZERO, 0.0
-        self._initial_momentum = momentum(self.balls.values())
-        self._initial_angular_momentum = angular_momentum(self.balls.values())
 
-    def run(self, resolve: Resolve, show: Show, duration: float) -> Iterator[int]:
-        """Play the scene; after each impact, yield the number of impacts so far."""
+    def run(self, resolve: Resolve, show: Show, duration: float) -> None:
+        """Play the scene."""
         frame = 0
         while self.time < duration:
             wait, name_a, name_b = self._next()
@@ -100,21 +94,6 @@ class Break:
             if event < duration:
                 collision = self._collision(name_a, name_b)
                 self._apply(collision, resolve(collision))
-                yield self.impacts
-
-    def momentum_error(self) -> float:
-        """Change of the total momentum of balls and cushions, relative to the cue ball's initial one."""
-        change = momentum(self.balls.values()) + self.cushion_momentum - self._initial_momentum
-        return change.norm() / (MASS * SPEED)
-
-    def angular_momentum_error(self) -> float:
-        """The same for the angular momentum about the middle of the table."""
-        change = (
-            angular_momentum(self.balls.values())
-            + self.cushion_angular_momentum
-            - self._initial_angular_momentum
-        )
-        return abs(change) / (MASS * SPEED * LENGTH / 2)
 
     def _next(self) -> tuple[float, str, str]:
         """The next contact: time until it happens [s], and the names of both bodies."""
@@ -151,9 +130,6 @@ class Break:
         self.balls[collision.name_a] = collision.body_a.with_twist(answer.twist_a)
         if collision.body_b is not None:
             self.balls[collision.name_b] = collision.body_b.with_twist(answer.twist_b)
-        else:
-            self.cushion_momentum -= answer.impulse
-            self.cushion_angular_momentum -= collision.contact.position.cross(answer.impulse).z
         self.energy.add_impact(self._kinetic_energy(), answer.lost_restitution, answer.lost_friction)
 
     def _kinetic_energy(self) -> float:

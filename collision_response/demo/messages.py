@@ -50,7 +50,6 @@ def answer_of(result: CollisionResult) -> Answer:
     return Answer(
         twist_of(result.twist_a),
         twist_of(result.twist_b),
-        vector_of(result.impulse),
         result.energy_lost_restitution,
         result.energy_lost_friction,
         Regime(result.regime),

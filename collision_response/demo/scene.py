@@ -8,7 +8,6 @@ from typing import NamedTuple
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
 from ..physics.laws import Regime
-from ..physics.vector import Vec3
 
 FRAMES = 20
 """Number of times that a scene shows its bodies, per second of its own time."""
@@ -34,11 +33,10 @@ class Collision(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """The part of an answer that a scene uses: twists after the impact, impulse on body_a, energy losses."""
+    """The part of an answer that a scene uses: twists after the impact, energy losses, regime."""
 
     twist_a: Twist
     twist_b: Twist
-    impulse: Vec3
     lost_restitution: float
     lost_friction: float
     regime: Regime

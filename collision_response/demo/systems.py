@@ -11,15 +11,20 @@ effective mass (S6 to S8).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from fractions import Fraction as F
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.mass_properties import Particle, of_particles, rod
 from ..physics.tensor import Symmetric3
 from ..physics.vector import Vec3
+
+fractions: Any = np.frompyfunc(F, 1, 1)
+"""Array of the exact values of some numbers."""
 
 
 class System(NamedTuple):
@@ -132,8 +137,6 @@ def s4() -> System:
     positions = [(0, 0, 0), (2, 0, 1), (0, 1, 2), (1, 2, 0)]
     particles = [Particle(F(m), Vec3(*map(F, p))) for m, p in zip(masses, positions, strict=True)]
     exact = of_particles(particles)
-    total = sum(masses)
-    com = [F(sum(m * p[i] for m, p in zip(masses, positions, strict=True)), total) for i in range(3)]
     a = Body.dynamic(
         float(exact.mass),
         [float(i) for i in exact.inertia],
@@ -142,16 +145,15 @@ def s4() -> System:
         (0.0, 0.0, -3.0),
     )
     contact = Contact.of((2.0, 0.0, 1.0), normal=(0.0, 0.0, 1.0), restitution=0.5)
-    inertia = [[F(0)] * 3 for _ in range(3)]
-    for m, p in zip(masses, positions, strict=True):
-        d = [x - c for x, c in zip(p, com, strict=True)]
-        for i in range(3):
-            for j in range(3):
-                inertia[i][j] += m * ((sum(x * x for x in d) if i == j else 0) - d[i] * d[j])
-    arm = [F(x) - c for x, c in zip((2, 0, 1), com, strict=True)]
-    torque = _cross(arm, [0, 0, 1])
-    spin = _solve(inertia, torque)
-    mu = 1 / (F(1, total) + _dot(_cross(spin, arm), [0, 0, 1]))
+    total, up = sum(masses), np.array([0, 0, 1])
+    com = masses @ fractions(positions) / total
+    from_com = [fractions(p) - com for p in positions]
+    inertia = sum(
+        m * (d @ d * np.eye(3, dtype=int) - np.outer(d, d)) for m, d in zip(masses, from_com, strict=True)
+    )
+    arm = fractions((2, 0, 1)) - com
+    spin = _solve(inertia, np.cross(arm, up))
+    mu = 1 / (F(1, total) + np.cross(spin, arm) @ up)
     j = F(3, 2) * mu * 3
     expected = {"effective_mass": mu, "twist_a.linear.z": -3 + j / total, "twist_a.angular.y": spin[1] * j}
     return System("S4", "a body of four particles", a, Body.static(), contact, _floats(expected))
@@ -160,19 +162,16 @@ def s4() -> System:
 def s5() -> System:
     """The planar case, in which only ``I_zz`` of the inertia matters (French)."""
     m_a, i_a, m_b, i_b, e = F(2), F(1, 2), F(3), F(3, 4), F(1, 2)
-    r_a, r_b, n = (F(-1, 2), F(1, 4)), (F(1, 4), F(1, 2)), (F(0), F(-1))
-    w_a, w_b, v_a, v_b = F(2), F(-1), (F(1), F(3)), (F(0), F(-1))
-
-    def arm(r: Sequence[F]) -> F:
-        return r[0] * n[1] - r[1] * n[0]
-
-    approach = (v_a[0] - v_b[0]) * n[0] + (v_a[1] - v_b[1]) * n[1] + w_a * arm(r_a) - w_b * arm(r_b)
-    j = -(1 + e) * approach / (1 / m_a + 1 / m_b + arm(r_a) ** 2 / i_a + arm(r_b) ** 2 / i_b)
+    r_a, r_b, n = fractions((-0.5, 0.25)), fractions((0.25, 0.5)), fractions((0, -1))
+    w_a, w_b, v_a, v_b = F(2), F(-1), fractions((1, 3)), fractions((0, -1))
+    arm_a, arm_b = (r[0] * n[1] - r[1] * n[0] for r in (r_a, r_b))
+    approach = (v_a - v_b) @ n + w_a * arm_a - w_b * arm_b
+    j = -(1 + e) * approach / (1 / m_a + 1 / m_b + arm_a**2 / i_a + arm_b**2 / i_b)
     expected = {
         "twist_a.linear.y": v_a[1] + j / m_a * n[1],
-        "twist_a.angular.z": w_a + j * arm(r_a) / i_a,
+        "twist_a.angular.z": w_a + j * arm_a / i_a,
         "twist_b.linear.y": v_b[1] - j / m_b * n[1],
-        "twist_b.angular.z": w_b - j * arm(r_b) / i_b,
+        "twist_b.angular.z": w_b - j * arm_b / i_b,
     }
     return System(
         "S5",
@@ -211,16 +210,13 @@ def s6() -> System:
 
 def s7() -> System:
     """Two rigid bodies by their effective mass (Spanish); its normal points from body 1 to body 2."""
-    moments_1, moments_2 = (F(2), F(3), F(4)), (F(5), F(6), F(7))
-    m_1, m_2, e, n = F(4), F(6), F(1, 4), (F(0), F(0), F(1))
-    c_1, c_2 = (F(1), F(-1, 2), F(-1)), (F(-1, 2), F(1), F(1, 2))
+    moments_1, moments_2 = fractions((2, 3, 4)), fractions((5, 6, 7))
+    m_1, m_2, e, n = F(4), F(6), F(1, 4), fractions((0, 0, 1))
+    c_1, c_2 = fractions((1, -0.5, -1)), fractions((-0.5, 1, 0.5))
     v_imp = F(3)
-
-    def rotation_term(c: Sequence[F], moments: Sequence[F]) -> F:
-        turned = [x / i for x, i in zip(_cross(c, n), moments, strict=True)]
-        return _dot(n, _cross(c, turned))
-
-    mu = 1 / (1 / m_1 + 1 / m_2 - (rotation_term(c_1, moments_1) + rotation_term(c_2, moments_2)))
+    rotation_1 = n @ np.cross(c_1, np.cross(c_1, n) / moments_1)
+    rotation_2 = n @ np.cross(c_2, np.cross(c_2, n) / moments_2)
+    mu = 1 / (1 / m_1 + 1 / m_2 - (rotation_1 + rotation_2))
     expected = {"effective_mass": mu, "normal_impulse": (1 + e) * mu * v_imp}
     return System(
         "S7",
@@ -257,49 +253,37 @@ def s8() -> System:
 
 def _reaction_model(a: Body, b: Body, contact: Contact) -> dict[str, float]:
     """Equation ``J_n`` of the French source, in fractions; the bodies' axes are parallel to the world's."""
-    n = [F(x) for x in contact.normal]
-    length = math.isqrt(int(_dot(n, n)))
-    unit = [x / length for x in n]
-    r = [[F(c) - F(x) for c, x in zip(contact.position, body.position, strict=True)] for body in (a, b)]
-    v = [[F(x) for x in body.velocity] for body in (a, b)]
-    w = [[F(x) for x in body.angular_velocity] for body in (a, b)]
-    spin = [
-        _solve(Symmetric3(*map(F, body.inertia)).rows(), _cross(arm, unit))
-        for body, arm in zip((a, b), r, strict=True)
-    ]
-    at_contact = [[p + q for p, q in zip(v[i], _cross(w[i], r[i]), strict=True)] for i in range(2)]
-    approach = _dot([p - q for p, q in zip(*at_contact, strict=True)], unit)
-    turning = [p + q for p, q in zip(_cross(spin[0], r[0]), _cross(spin[1], r[1]), strict=True)]
+    n = fractions(contact.normal)
+    n = n / math.isqrt(int(n @ n))
+    r_a, r_b = (fractions(contact.position) - fractions(body.position) for body in (a, b))
+    v_a, v_b = (fractions(body.velocity) for body in (a, b))
+    w_a, w_b = (fractions(body.angular_velocity) for body in (a, b))
+    spin_a, spin_b = (
+        _solve(fractions(Symmetric3(*body.inertia).rows()), np.cross(r, n))
+        for body, r in ((a, r_a), (b, r_b))
+    )
+    approach = (v_a + np.cross(w_a, r_a) - v_b - np.cross(w_b, r_b)) @ n
+    turning = (np.cross(spin_a, r_a) + np.cross(spin_b, r_b)) @ n
     restitution: Any = contact.restitution
-    j = -(1 + F(restitution)) * approach / (1 / F(a.mass) + 1 / F(b.mass) + _dot(turning, unit))
-    expected = {"normal_impulse": j}
-    for name, sign, body, change, v_0, w_0 in (
-        ("a", 1, a, spin[0], v[0], w[0]),
-        ("b", -1, b, spin[1], v[1], w[1]),
-    ):
-        for i, axis in enumerate("xyz"):
-            expected[f"twist_{name}.linear.{axis}"] = v_0[i] + sign * j / F(body.mass) * unit[i]
-            expected[f"twist_{name}.angular.{axis}"] = w_0[i] + sign * j * change[i]
-    return _floats(expected)
+    j = -(1 + F(restitution)) * approach / (1 / F(a.mass) + 1 / F(b.mass) + turning)
+    after = {
+        "twist_a.linear": v_a + j / F(a.mass) * n,
+        "twist_a.angular": w_a + j * spin_a,
+        "twist_b.linear": v_b - j / F(b.mass) * n,
+        "twist_b.angular": w_b - j * spin_b,
+    }
+    expected = {f"{name}.{axis}": x for name, v in after.items() for axis, x in zip("xyz", v, strict=True)}
+    return _floats({"normal_impulse": j, **expected})
 
 
-def _solve(m: Sequence[Sequence[F]], y: Sequence[Any]) -> list[F]:
-    """Solve ``m x = y`` by Cramer's rule."""
-    columns = list(zip(*m, strict=True))
+def _solve(m: Any, y: Any) -> Any:
+    """Solve ``m x = y`` for fractions, by Cramer's rule."""
 
-    def det(p: Sequence[Any], q: Sequence[Any], r: Sequence[Any]) -> F:
-        return F(_dot(p, _cross(q, r)))
+    def det(columns: Any) -> Any:
+        return columns[0] @ np.cross(columns[1], columns[2])
 
-    whole = det(*columns)
-    return [det(*(y if i == k else column for i, column in enumerate(columns))) / whole for k in range(3)]
-
-
-def _dot(p: Sequence[Any], q: Sequence[Any]) -> Any:
-    return sum(x * y for x, y in zip(p, q, strict=True))
-
-
-def _cross(p: Sequence[Any], q: Sequence[Any]) -> list[Any]:
-    return [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]]
+    columns = [*m.T]
+    return np.array([det([*columns[:k], y, *columns[k + 1 :]]) for k in range(3)]) / det(columns)
 
 
 def _floats(values: Mapping[str, F]) -> dict[str, float]:
