@@ -9,18 +9,18 @@ from __future__ import annotations
 import json
 import os
 import random
-import signal
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from reliability.child_process import ros_node
+from reliability.processes import LARGE_DATA, Process, own_domain
 from timing import Samples, ratio, spread
 
 HERE = Path(__file__).resolve().parent
@@ -37,9 +37,6 @@ CONCURRENT = 8
 BATCH = "batch"
 CONTACTS, BODIES, BATCH_CALLS = 10_000, 4_000, 3
 """Contacts and bodies of a batch, in which each body touches five others; batches in a round."""
-
-LARGE_DATA = {"FASTDDS_BUILTIN_TRANSPORTS": "LARGE_DATA"}
-"""With its other transports Fast DDS loses parts of a batch, and both servers wait for the repetition."""
 
 CALLBACK = "the callback alone"
 
@@ -86,21 +83,11 @@ def batch_response() -> Any:
     return response
 
 
-@contextmanager
-def server(command: list[str], namespace: str, *parameters: str) -> Iterator[subprocess.Popen]:
+def server(command: list[str], namespace: str, *parameters: str) -> closing[Process]:
     """A server in a namespace, which ends when the context is left."""
     options = [word for parameter in parameters for word in ("-p", parameter)]
     words = [*command, "--ros-args", "-r", f"__ns:=/{namespace}", *options, "--log-level", "warn"]
-    process = subprocess.Popen(words, stdin=subprocess.DEVNULL)
-    try:
-        yield process
-    finally:
-        process.send_signal(signal.SIGTERM)
-        try:
-            process.wait(DEADLINE)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+    return closing(Process(words, dict(os.environ), stdin=subprocess.DEVNULL))
 
 
 # Clients --------------------------------------------------------------------------------------
@@ -335,15 +322,6 @@ def _by(command: list[str], environment: dict[str, str]) -> dict[str, Any]:
         command, env=environment, stdout=subprocess.PIPE, text=True, timeout=600, check=True
     )
     return json.loads(done.stdout.splitlines()[-1])
-
-
-@contextmanager
-def own_domain() -> Iterator[dict[str, str]]:
-    """An environment with a ROS domain that nobody else uses, limited to this machine."""
-    import domain_coordinator
-
-    with domain_coordinator.domain_id() as domain:
-        yield {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 
 
 def _self(command: str) -> list[str]:

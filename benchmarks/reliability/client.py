@@ -8,11 +8,13 @@ from __future__ import annotations
 import random
 import time
 from collections import Counter
-from dataclasses import asdict, dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from .child_process import Parent, ros_node, service_client
-from .latency import Latencies
 from .request_kinds import KINDS, code_of, is_right, stamp_of
 
 
@@ -41,9 +43,6 @@ class Order:
     patience: float = 60.0
     seed: int = 0
 
-    def to_json(self) -> dict[str, Any]:
-        return asdict(self)
-
 
 @dataclass
 class Report:
@@ -51,42 +50,39 @@ class Report:
 
     Attributes:
         asked: number of requests sent.
-        answered: number of answers, whatever their code.
+        times: for each answer, whatever its code, when it came, by the machine's clock [s], and how long it
+            took [s].
         codes: number of answers with each code, by kind of request.
         wrong: number of answers with an unexpected code or with the number of another request, by kind and
             code.
-        blocked: number of times the client's own middleware did not accept a request; it was sent again.
-        latencies: times until the answers.
     """
 
     asked: int = 0
-    answered: int = 0
+    times: list[Sequence[float]] = field(default_factory=list)
     codes: dict[str, Counter[int]] = field(default_factory=dict)
     wrong: Counter[str] = field(default_factory=Counter)
-    blocked: int = 0
-    latencies: Latencies = field(default_factory=Latencies)
+
+    @property
+    def answered(self) -> int:
+        return len(self.times)
 
     @property
     def unanswered(self) -> int:
         return self.asked - self.answered
 
-    def to_json(self) -> dict[str, Any]:
-        return {**vars(self), "latencies": self.latencies.to_json()}
-
     @classmethod
     def from_json(cls, found: dict[str, Any]) -> Report:
+        """The report of another process: its ``vars`` from JSON, which has only strings for keys."""
         codes = {k: Counter({int(c): n for c, n in of.items()}) for k, of in found["codes"].items()}
-        latencies, wrong = Latencies.from_json(found["latencies"]), Counter(found["wrong"])
-        return cls(**{**found, "codes": codes, "wrong": wrong, "latencies": latencies})
+        return cls(found["asked"], found["times"], codes, Counter(found["wrong"]))
 
     @classmethod
     def together(cls, reports: list[Report]) -> Report:
         """The sum of several reports."""
-        merged = cls(latencies=Latencies.together(report.latencies for report in reports))
+        merged = cls()
         for report in reports:
             merged.asked += report.asked
-            merged.answered += report.answered
-            merged.blocked += report.blocked
+            merged.times += report.times
             merged.wrong.update(report.wrong)
             for kind, codes in report.codes.items():
                 merged.codes.setdefault(kind, Counter()).update(codes)
@@ -95,6 +91,17 @@ class Report:
     def by_code(self) -> Counter[int]:
         """Number of answers with each code."""
         return sum(self.codes.values(), Counter())
+
+    def latency(self) -> dict[str, float] | None:
+        """Median, 99th percentile and maximum of the times until the answers: see :func:`spread`."""
+        return spread([seconds for _, seconds in self.times])
+
+
+def spread(seconds: Sequence[float]) -> dict[str, float] | None:
+    """Median, 99th percentile and maximum of some times [s]; ``None`` if there are none."""
+    if not seconds:
+        return None
+    return dict(zip(("p50", "p99", "max"), np.percentile(seconds, (50, 99, 100)).tolist(), strict=True))
 
 
 class Client:
@@ -122,20 +129,18 @@ class Client:
         request, number, kind = self._requests[name], self.report.asked + 1, KINDS[name]
         if kind.is_numbered:
             stamp_of(request).nanosec = number
-        began = time.perf_counter()
+        began = time.monotonic()
         try:
             future = self._clients[type(request)].call_async(request)
         except RCLError:
-            self.report.blocked += 1
             return False
         self.report.asked = number
         future.add_done_callback(lambda done: self._answered(name, number, began, done.result()))
         return True
 
     def _answered(self, name: str, number: int, began: float, response: Any) -> None:
-        report, kind = self.report, KINDS[name]
-        report.answered += 1
-        report.latencies.add(time.perf_counter() - began)
+        report, kind, now = self.report, KINDS[name], time.monotonic()
+        report.times.append((now, now - began))
         report.codes.setdefault(name, Counter())[code_of(response)] += 1
         has_own_number = not kind.is_numbered or stamp_of(response).nanosec == number
         if not has_own_number:
@@ -152,7 +157,7 @@ def run(order: dict[str, Any], parent: Parent) -> None:
         parent.send("ready")
         parent.wait_for("go")
         ask_all(client, executor, parent)
-        parent.send("done", client.report.to_json())
+        parent.send("done", vars(client.report))
 
 
 def ask_all(client: Client, executor: Any, parent: Parent) -> None:

@@ -8,12 +8,13 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable
+from contextlib import closing
 from typing import Any
 
 from . import results
 from .child_process import NAMESPACE
 from .client import Report
-from .processes import Child, Environment, NodeProcess, Stage
+from .processes import Child, NodeProcess, Stage, with_profile
 from .request_kinds import MIXED, SMALL
 
 Row = dict[str, Any]
@@ -61,7 +62,7 @@ def row(
         notes: a remark.
     """
     everyone = Report.together(reports + ([others] if others else []))
-    latency = (others or everyone).latencies.spread()
+    latency = (others or everyone).latency()
     usage = node.usage()
     promises = {
         f"{everyone.unanswered} unanswered": everyone.unanswered == 0,
@@ -152,54 +153,71 @@ def newcomers(stage: Stage) -> Row:
 # Clients that leave, die, stop or read slowly ---------------------------------------------------
 
 
+def leave(stage: Stage, pending: int) -> tuple[int, int]:
+    """Let a client leave with requests pending; return the numbers of its requests and answers."""
+    with closing(stage.client(kinds=("full",), requests=pending, window=pending, leaves=True)) as client:
+        stage.start(client)
+        report = client.report()
+    return report.asked, report.answered
+
+
+def kill(stage: Stage, pending: int) -> tuple[int, int]:
+    """The same for a client that is killed."""
+    with closing(stage.client(kinds=("full",), requests=pending, window=pending)) as client:
+        stage.start(client)
+        client.until("sent")
+        client.kill()
+    return pending, 0
+
+
+def stop(
+    stage: Stage, pending: int, seconds: float, meanwhile: Callable[[], object] = lambda: None
+) -> tuple[int, int]:
+    """The same for a client that is stopped for some seconds and a call, and then continues."""
+    with closing(stage.client(kinds=("full",), requests=pending, window=pending, patience=30.0)) as client:
+        stage.start(client)
+        client.until("sent")
+        client.hold()
+        time.sleep(seconds)
+        meanwhile()
+        client.resume()
+        report = client.report()
+    return report.asked, report.answered
+
+
 @case("a client leaves with 500 pending")
 def leaves(stage: Stage) -> Row:
-    node, other = started(stage), steady(stage)
-    client = stage.client(kinds=("full",), requests=500, window=500, leaves=True)
-    stage.start(other, client)
-    went = client.report()
-    calls(stage, 500)
-    return row(node, [], others=stopped(other), apart=(went.asked, went.answered))
+    return _apart(stage, leave)
 
 
 @case("a client is killed with 500 pending")
 def killed(stage: Stage) -> Row:
+    return _apart(stage, kill)
+
+
+def _apart(stage: Stage, fault: Callable[[Stage, int], tuple[int, int]]) -> Row:
     node, other = started(stage), steady(stage)
-    client = stage.client(kinds=("full",), requests=500, window=500)
-    stage.start(other, client)
-    client.until("sent")
-    client.kill()
+    stage.start(other)
+    apart = fault(stage, 500)
     calls(stage, 500)
-    return row(node, [], others=stopped(other), apart=(500, 0))
+    return row(node, [], others=stopped(other), apart=apart)
 
 
-def _stop(stage: Stage, number: int, seconds: float) -> Row:
-    node, other = started(stage), steady(stage)
-    client = stage.client(kinds=("full",), requests=number, window=number, patience=30.0)
-    stage.start(other, client)
-    client.until("sent")
-    client.hold()
-    time.sleep(seconds)
-    found = stopped(other)
-    client.resume()
-    went = client.report()
-    return row(
-        node,
-        [],
-        others=found,
-        apart=(went.asked, went.answered),
-        notes=f"stopped for {seconds:.0f} s or more",
-    )
+def _stop(stage: Stage, seconds: float) -> Row:
+    node, other, found = started(stage), steady(stage), list[Report]()
+    stage.start(other)
+    apart = stop(stage, 3000, seconds, lambda: found.append(stopped(other)))
+    return row(node, [], others=found[0], apart=apart, notes=f"stopped for {seconds:.0f} s or more")
 
 
 @case("a client is stopped for 5 s with 3000 pending")
 def stops(stage: Stage) -> Row:
-    return _stop(stage, 3000, 5.0)
+    return _stop(stage, 5.0)
 
 
 @case("a client is stopped for 40 s with 3000 pending")
 def stops_for_long(stage: Stage) -> Row:
-    return _stop(stage, 3000, 40.0)
+    return _stop(stage, 40.0)
 
 
 @case("a client reads an answer every 5 ms, 2000 pending")
@@ -211,12 +229,16 @@ def reads_slowly(stage: Stage) -> Row:
     return row(node, [went], others=stopped(other))
 
 
+def results_reader(stage: Stage) -> Child:
+    """A subscriber of the results."""
+    topic = f"{NAMESPACE}/collision_response/result"
+    return stage.child("subscriber", topic=topic, type="CollisionResult", reliable=True)
+
+
 @case("a subscriber of the results is stopped")
 def results_unread(stage: Stage) -> Row:
     node = stage.node()
-    topic = f"{NAMESPACE}/collision_response/result"
-    subscriber = stage.child("subscriber", topic=topic, type="CollisionResult", reliable=True)
-    client = stage.client(kinds=SMALL, requests=5000, window=1)
+    subscriber, client = results_reader(stage), stage.client(kinds=SMALL, requests=5000, window=1)
     subscriber.until("ready")
     calls(stage, 10)  # so that it has received something
     subscriber.hold()
@@ -232,7 +254,7 @@ def _long(stage: Stage, kind: str, parameters: dict[str, Any], wait: float | Non
     client = stage.client(kinds=(kind,), requests=1, window=1, patience=300.0)
     stage.start(other, client)
     found = client.report()
-    took = found.latencies.spread()
+    took = found.latency()
     notes = f"the batch took {took['max']:.2g} s" if took else ""
     return row(node, [found], others=stopped(other), wait=wait, notes=notes)
 
@@ -293,11 +315,11 @@ def sigterm_in_batch(stage: Stage) -> Row:
 def measure(named: str) -> dict[str, Row]:
     """Run every case whose name contains a word."""
     found = {}
-    with Environment() as environment:
+    with with_profile() as variables:
         for name, run in CASES.items():
             if named in name:
                 print(f"==> {name} ...", flush=True)
-                with Stage(environment, large="batch of" in name) as stage:
+                with Stage(variables, large="batch of" in name) as stage:
                     found[name] = run(stage)
                 for what in found[name]["broken"]:
                     print(f"    BROKEN: {what}\n{found[name]['log']}", flush=True)

@@ -13,7 +13,7 @@ from typing import Any
 
 from . import results
 from .faults import LONGEST_WAIT, started, steady, stopped
-from .processes import Environment, Stage
+from .processes import Stage, with_profile
 
 SHARES = {"values single": 0.3, "values batch": 0.2, "values states": 0.1} | dict.fromkeys(
     ("raw single", "raw batch", "raw scene", "raw states"), 0.1
@@ -68,7 +68,7 @@ def _row(node: Any, before: Any, other: Any, unanswered: int) -> Row:
         "alive": node.is_alive(),
         "unanswered": unanswered + other.unanswered,
         "other": other.asked,
-        "latency": other.latencies.spread(),
+        "latency": other.latency(),
         "before": before and before.memory,
         "after": after and after.memory,
         "peak": after and after.peak,
@@ -96,17 +96,17 @@ def measure(number: int, seed: int, word: str) -> dict[str, Row]:
     if not has_cyclone:
         print("==> skipped: raw bytes, because the package cyclonedds is not installed")
     found = {}
-    with Environment() as environment, tempfile.TemporaryDirectory() as directory:
+    with with_profile() as variables, tempfile.TemporaryDirectory() as directory:
         profile = Path(directory, "fast_dds.xml")
-        usual = Path(environment.usual["FASTDDS_DEFAULT_PROFILES_FILE"])
+        usual = Path(variables["FASTDDS_DEFAULT_PROFILES_FILE"])
         profile.write_text(usual.read_text().replace("<rtps>", PLAIN_TYPES))
-        environment.usual |= {"FASTDDS_DEFAULT_PROFILES_FILE": str(profile), "CYCLONEDDS_URI": CYCLONE_DDS}
+        variables |= {"FASTDDS_DEFAULT_PROFILES_FILE": str(profile), "CYCLONEDDS_URI": CYCLONE_DDS}
         for name, share in SHARES.items():
             how, what = name.split()
             if word not in name or (how == "raw" and not has_cyclone):
                 continue
             print(f"==> {name}, {round(number * share):,} ...", flush=True)
-            with Stage(environment) as stage:
+            with Stage(variables) as stage:
                 run = raw if how == "raw" else values
                 found[name] = run(stage, what, round(number * share), seed)
             for line in broken(name, found[name]):

@@ -11,18 +11,22 @@ import sys
 import tempfile
 import threading
 import time
-from contextlib import ExitStack, suppress
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pages
-import service
 
 from .child_process import DEADLINE, NAMESPACE
 from .client import Order, Report
 
 DIRECTORY = Path(__file__).resolve().parent
 NODE = DIRECTORY.parent.parent / "scripts" / "collision_response_node"
+
+LARGE_DATA = {"FASTDDS_BUILTIN_TRANSPORTS": "LARGE_DATA"}
+"""With its other transports Fast DDS loses parts of requests and answers of many megabytes."""
 
 
 class Usage(NamedTuple):
@@ -172,30 +176,32 @@ class Child(Process):
         return Report.from_json(self.until("done", seconds))
 
 
-class Environment:
-    """Environment variables for the processes of one run, in a ROS domain of its own on this machine.
+@contextmanager
+def own_domain() -> Iterator[dict[str, str]]:
+    """Environment variables for processes in a ROS domain that nobody else uses, limited to this machine."""
+    import domain_coordinator
 
-    Attributes:
-        usual: variables with the Fast DDS profile that the package recommends.
-        large: variables for requests and answers of many megabytes.
-    """
+    with domain_coordinator.domain_id() as domain:
+        yield {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 
-    def __enter__(self) -> Environment:
-        self._domain = service.own_domain()
-        profile = pages.ROOT / "config" / "fast_dds.xml"
-        self.usual = {**self._domain.__enter__(), "FASTDDS_DEFAULT_PROFILES_FILE": str(profile)}
-        self.large = {**self.usual, **service.LARGE_DATA}
-        return self
 
-    def __exit__(self, *_: object) -> None:
-        self._domain.__exit__(None, None, None)
+@contextmanager
+def with_profile() -> Iterator[dict[str, str]]:
+    """The same with the Fast DDS profile that the package recommends."""
+    with own_domain() as variables:
+        yield {**variables, "FASTDDS_DEFAULT_PROFILES_FILE": str(pages.ROOT / "config" / "fast_dds.xml")}
 
 
 class Stage:
-    """The processes of one case. When the context is left, it ends all of them, the node last."""
+    """The processes of one case. When the context is left, it ends all of them, the node last.
 
-    def __init__(self, environment: Environment, *, large: bool = False) -> None:
-        self._variables = environment.large if large else environment.usual
+    Args:
+        variables: environment variables of the processes.
+        large: whether requests and answers have many megabytes.
+    """
+
+    def __init__(self, variables: dict[str, str], *, large: bool = False) -> None:
+        self._variables = {**variables, **LARGE_DATA} if large else variables
         self._stack = ExitStack()
 
     def __enter__(self) -> Stage:
@@ -219,7 +225,7 @@ class Stage:
 
     def client(self, **order: Any) -> Child:
         """Start a client, with the fields of :class:`~.client.Order`."""
-        return self.child("client", **Order(**order).to_json())
+        return self.child("client", **asdict(Order(**order)))
 
     def start(self, *children: Child) -> None:
         """Let child processes begin, once all of them are ready."""

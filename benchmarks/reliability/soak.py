@@ -10,16 +10,21 @@ import argparse
 import itertools
 import threading
 import time
+from collections import defaultdict
 from collections.abc import Callable
+from contextlib import closing
+from functools import partial
+from itertools import pairwise
 from statistics import linear_regression
 from typing import Any
 
+import numpy as np
+
 from . import results
 from .child_process import NAMESPACE
-from .client import Report
-from .faults import LONGEST_WAIT
-from .latency import SECONDS, spread
-from .processes import Child, Environment, NodeProcess, Stage
+from .client import Report, spread
+from .faults import LONGEST_WAIT, kill, leave, results_reader, stop
+from .processes import Child, NodeProcess, Stage, with_profile
 from .request_kinds import MIXED, SMALL
 
 WINDOWS = {1: 1, 4: 2, 16: 4}
@@ -44,8 +49,8 @@ class Soak:
     def __init__(self, stage: Stage) -> None:
         self.stage = stage
         self.node: NodeProcess = stage.node()
-        self.reports: dict[str, list[Report]] = {"steady": [], "bursts of 1000": [], "slow readers": []}
-        self.apart: dict[str, list[tuple[int, int]]] = {}
+        self.reports: dict[str, list[Report]] = defaultdict(list, steady=[])
+        self.apart: dict[str, list[tuple[int, int]]] = defaultdict(list)
         self.faults = 0
         self._samples: list[list[float]] = []
         self._is_over = threading.Event()
@@ -77,9 +82,9 @@ class Soak:
         stage.start(*steady)
         self._watch.start()
         began, done = time.monotonic(), {}
-        faults = itertools.cycle(FAULTS)
+        faults = itertools.cycle(FAULTS.items())
         while len(done) < len(steady) and time.monotonic() < began + seconds + 120.0 and self.node.is_alive():
-            self._fault(next(faults))
+            self._fault(*next(faults))
             for client in steady:
                 if client not in done and (report := finished_report(client)):
                     done[client] = report
@@ -96,17 +101,22 @@ class Soak:
         ended = self.node.terminate()
         return self._found(took, began, alive, ended, publisher.until("sent")["states"])
 
-    def _fault(self, fault: Callable[[Soak], None]) -> None:
+    def _fault(self, name: str, fault: Callable[[Stage], Report | tuple[int, int] | None]) -> None:
         try:
-            fault(self)
-            self.faults += 1
+            found = fault(self.stage)
         except (TimeoutError, ChildProcessError) as error:  # the clients that stay notice faults of the node
-            print(f"    {fault.__name__}: {error}", flush=True)
+            print(f"    {name}: {error}", flush=True)
+            return
+        self.faults += 1
+        if isinstance(found, Report):
+            self.reports[name].append(found)
+        elif found is not None:
+            self.apart[name].append(found)
 
     def _found(
         self, took: float, began: float, alive: bool, ended: tuple[float, int | None], states: int
     ) -> dict[str, Any]:
-        first = self.reports["steady"][0].latencies.spread()
+        first = self.reports["steady"][0].latency()
         return {
             "minutes": took / 60,
             "alive": alive,
@@ -114,9 +124,7 @@ class Soak:
             "states": states,
             "faults": self.faults,
             "log_lines": self.node.log().count("\n"),
-            "clients": {
-                name: _summary(Report.together(reports)) for name, reports in self.reports.items() if reports
-            },
+            "clients": {name: _summary(Report.together(reports)) for name, reports in self.reports.items()},
             "apart": {
                 name: [sum(n) for n in zip(*counts, strict=True)] for name, counts in self.apart.items()
             },
@@ -127,25 +135,20 @@ class Soak:
 
     def _over_time(self, began: float) -> list[dict[str, Any]]:
         """Rows for equal intervals of time."""
-        everyone = Report.together(self.reports["steady"]).latencies.intervals
-        if not everyone or not self._samples:
+        times = Report.together(self.reports["steady"]).times
+        if not times or not self._samples:
             return []
-        numbers = range(min(everyone), max(everyone) + 1)
-        step = -(-len(numbers) // ROWS)
         rows = []
-        for begin in numbers[::step]:
-            bins = Report.together([]).by_code()
-            for number in range(begin, begin + step):
-                bins.update(everyone.get(number, {}))
-            end = (begin + step) * SECONDS
+        for begin, end in pairwise(np.linspace(began, max(at for at, _ in times), ROWS + 1).tolist()):
+            waits = [seconds for at, seconds in times if begin < at <= end]
             sample = min(self._samples, key=lambda sample, end=end: abs(sample[0] - end))
             _, memory, _, threads, descriptors, _ = sample
             rows.append(
                 {
                     "minutes": (end - began) / 60,
-                    "answers": sum(bins.values()),
-                    "seconds": step * SECONDS,
-                    "latency": spread(bins),
+                    "answers": len(waits),
+                    "seconds": end - begin,
+                    "latency": spread(waits),
                     "memory": memory,
                     "threads": threads,
                     "descriptors": descriptors,
@@ -160,7 +163,7 @@ def _summary(report: Report) -> dict[str, Any]:
         "answered": report.answered,
         "codes": dict(sorted(report.by_code().items())),
         "wrong": dict(report.wrong),
-        "latency": report.latencies.spread(),
+        "latency": report.latency(),
     }
 
 
@@ -183,66 +186,31 @@ def finished_report(client: Child) -> Report | None:
 # Faults ---------------------------------------------------------------------------------------
 
 
-def burst(soak: Soak) -> None:
-    run_client(soak, "bursts of 1000", kinds=SMALL, requests=1000, window=1000)
-
-
-def slow(soak: Soak) -> None:
-    run_client(soak, "slow readers", kinds=("full",), requests=300, window=300, pause=0.005)
-
-
-def run_client(soak: Soak, name: str, **order: Any) -> None:
+def stay(stage: Stage, **order: Any) -> Report:
     """Run a client that stays until it has all answers."""
-    client = soak.stage.client(**order)
-    soak.stage.start(client)
-    soak.reports[name].append(client.report(120.0))
-    client.close()
+    with closing(stage.client(**order)) as client:
+        stage.start(client)
+        return client.report(120.0)
 
 
-def leaves(soak: Soak) -> None:
-    client = soak.stage.client(kinds=("full",), requests=200, window=200, leaves=True)
-    soak.stage.start(client)
-    report = client.report(60.0)
-    soak.apart.setdefault("left with 200 pending", []).append((report.asked, report.answered))
-    client.close()
+def unread(stage: Stage) -> None:
+    """Stop a subscriber of the results for some seconds, and end it."""
+    with closing(results_reader(stage)) as subscriber:
+        subscriber.until("ready", 60.0)
+        subscriber.hold()
+        time.sleep(3.0)
 
 
-def killed(soak: Soak) -> None:
-    client = soak.stage.client(kinds=("full",), requests=200, window=200)
-    soak.stage.start(client)
-    client.until("sent", 60.0)
-    client.kill()
-    soak.apart.setdefault("killed with 200 pending", []).append((200, 0))
-    client.close()
-
-
-def stopped(soak: Soak) -> None:
-    client = soak.stage.client(kinds=("full",), requests=500, window=500, patience=20.0)
-    soak.stage.start(client)
-    client.until("sent", 60.0)
-    client.hold()
-    time.sleep(5.0)
-    client.resume()
-    report = client.report(120.0)
-    soak.apart.setdefault("stopped for 5 s with 500 pending", []).append((report.asked, report.answered))
-    client.close()
-
-
-def long_batch(soak: Soak) -> None:
-    soak.reports.setdefault("extended batches of 1e4", [])
-    run_client(soak, "extended batches of 1e4", kinds=("extended batch of 1e4",), requests=2, window=1)
-
-
-def unread(soak: Soak) -> None:
-    topic = f"{NAMESPACE}/collision_response/result"
-    subscriber = soak.stage.child("subscriber", topic=topic, type="CollisionResult", reliable=True)
-    subscriber.until("ready", 60.0)
-    subscriber.hold()
-    time.sleep(3.0)
-    subscriber.close()
-
-
-FAULTS = (burst, leaves, long_batch, killed, slow, unread, stopped)
+FAULTS: dict[str, Callable[[Stage], Report | tuple[int, int] | None]] = {
+    "bursts of 1000": partial(stay, kinds=SMALL, requests=1000, window=1000),
+    "left with 200 pending": partial(leave, pending=200),
+    "extended batches of 1e4": partial(stay, kinds=("extended batch of 1e4",), requests=2),
+    "killed with 200 pending": partial(kill, pending=200),
+    "slow readers": partial(stay, kinds=("full",), requests=300, window=300, pause=0.005),
+    "stopped subscribers": unread,
+    "stopped for 5 s with 500 pending": partial(stop, pending=500, seconds=5.0),
+}
+"""Each returns the report of a client that stayed, or the requests and answers of one that did not."""
 
 
 # Running --------------------------------------------------------------------------------------
@@ -275,7 +243,7 @@ def main(arguments: list[str]) -> int:
     asked = parser.parse_args(arguments)
     seconds = LONGEST if asked.requests else 60 * asked.minutes
     print(f"==> soak, {asked.requests or f'{asked.minutes:g} minutes'} ...", flush=True)
-    with Environment() as environment, Stage(environment) as stage:
+    with with_profile() as variables, Stage(variables) as stage:
         found = Soak(stage).run(seconds, asked.requests)
     is_whole = not arguments or asked.requests >= 1_000_000
     return results.finish("soak", found, is_whole=is_whole, broken=broken(found))

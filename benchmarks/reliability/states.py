@@ -14,7 +14,7 @@ from typing import Any
 from . import results
 from .child_process import NAMESPACE
 from .faults import LONGEST_WAIT, started, steady, stopped
-from .processes import Environment, Process, Stage
+from .processes import Process, Stage, with_profile
 from .publisher import TABLE
 
 KINDS = {
@@ -51,7 +51,7 @@ def by_the_node(stage: Stage, kind: str, rate: int, seconds: float) -> Row:
         **_row(sent, known),
         "alive": node.is_alive(),
         "unanswered": found.unanswered,
-        "latency": found.latencies.spread(),
+        "latency": found.latency(),
         "said lost": values.get("states lost on the way"),
     }
 
@@ -118,14 +118,14 @@ def _row(sent: dict[str, Any], heard: int) -> Row:
     return {"offered": states / seconds, "heard": heard / seconds, "lost": 1 - heard / states}
 
 
-def _capacity(environment: Environment, seconds: float) -> list[Row]:
+def _capacity(variables: dict[str, str], seconds: float) -> list[Row]:
     """For each rate, the states received by the node and by a bare subscription."""
     rows = []
     for rate in CAPACITY_RATES:
         print(f"==> {rate:,} per second, no requests ...", flush=True)
         row: Row = {"rate": rate}
         for who, run in (("node", by_the_node_alone), ("bare", by_a_subscription)):
-            with Stage(environment) as stage:
+            with Stage(variables) as stage:
                 row[who] = run(stage, "BodyState", rate, seconds)
         rows.append(row)
     return rows
@@ -134,16 +134,16 @@ def _capacity(environment: Environment, seconds: float) -> list[Row]:
 def measure(seconds: float) -> dict[str, Any]:
     """Measure each rate, first with the node, then with a bare subscription."""
     rows = []
-    with Environment() as environment:
+    with with_profile() as variables:
         for kind, (_, rates) in KINDS.items():
             for rate in rates:
                 print(f"==> {rate:,} per second, {kind} ...", flush=True)
                 row = {"type": kind, "rate": rate}
                 for who, run in (("node", by_the_node), ("bare", by_a_subscription)):
-                    with Stage(environment) as stage:
+                    with Stage(variables) as stage:
                         row[who] = run(stage, kind, rate, seconds)
                 rows.append(row)
-        capacity = _capacity(environment, seconds)
+        capacity = _capacity(variables, seconds)
     most = {who: max(row[who]["heard"] for row in capacity) for who in ("node", "bare")}
     return {"rows": rows, "capacity": capacity, "most": most}
 
