@@ -69,7 +69,7 @@ arm64: .venv
 	@$(PYTHON) tools/setup_venv.py .venv $(EXTRAS) $(OPTIONAL)
 
 bench: .bench-venv
-	@.bench-venv/bin/python -I benchmarks $(ARGS)
+	@OPENBLAS_NUM_THREADS=1 .bench-venv/bin/python -I benchmarks $(ARGS)
 
 stability: .bench-venv
 	@.bench-venv/bin/python -I benchmarks/stability.py

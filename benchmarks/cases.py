@@ -179,19 +179,3 @@ def flat_boxes(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     contacts[contact_row.normal][2] = 1.0
     contacts[contact_row.restitution], contacts[contact_row.friction] = 0.5, 0.3
     return bodies, contacts, np.array([np.repeat(np.arange(n), 4), np.full(4 * n, n)])
-
-
-def copies(scene: Scene, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Tables with ``n`` copies of a scene."""
-    body_row, contact_row = body_rows(Geometry.SPATIAL, oriented=True), contact_rows(Geometry.SPATIAL)
-    bodies, contacts = np.zeros((body_row.height, 2, n)), np.zeros((contact_row.height, n))
-    for side, body in enumerate(scene[:2]):
-        for field in ("inertia", "position", "velocity", "angular_velocity"):
-            bodies[getattr(body_row, field), side] = np.array(getattr(body, field), dtype=float)[:, None]
-        bodies[body_row.mass, side] = body.mass
-        bodies[body_row.orientation, side] = np.array(body.orientation or (0.0, 0.0, 0.0, 1.0))[:, None]
-    for field in ("position", "normal"):
-        contacts[getattr(contact_row, field)] = np.array(getattr(scene.contact, field), dtype=float)[:, None]
-    contacts[contact_row.restitution] = scene.contact.restitution
-    contacts[contact_row.friction] = scene.contact.friction
-    return bodies, contacts

@@ -39,7 +39,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 def store(results: dict[str, Any], path: Path) -> None:
     """Write results as JSON, with three digits: enough to read, and fewer changes between runs."""
     path.parent.mkdir(exist_ok=True)
-    path.write_text(_compact(_rounded(results)) + "\n")
+    path.write_text(_compact(_rounded(results)) + "\n", encoding="utf-8")
     print(f"==> wrote {path.relative_to(ROOT)}")
 
 
@@ -53,7 +53,7 @@ def _rounded(value: Any) -> Any:
 
 def _compact(value: Any, indent: str = "") -> str:
     """JSON text in which every part that fits in one line is on one line."""
-    line = json.dumps(value)
+    line = json.dumps(value, ensure_ascii=False)
     if len(indent) + len(line) <= 150 or not isinstance(value, (dict, list)):
         return line
     inner = indent + " "

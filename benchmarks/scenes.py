@@ -1,10 +1,5 @@
 """Several contacts at once: answers and times of ``resolve_scene()`` and its peers.
 
-    .bench-venv/bin/python -I benchmarks/scenes.py
-
-measures everything again and rewrites the generated parts of docs/scenes.md and its plot, as ``make bench``
-does.
-
 All scenes have e = 1 and no friction. The peers:
 
 * MuJoCo gets the scene. Its contacts are soft. Restitution is set as its guide says ("Restitution" in "Tips
@@ -18,38 +13,25 @@ All scenes have e = 1 and no friction. The peers:
 
 from __future__ import annotations
 
-import datetime
 import json
 import math
-import os
 import shutil
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-os.environ["OPENBLAS_NUM_THREADS"] = "1"
+import numpy as np
+import pages
+from figures import plt, save
+from machine import described, versions
 
-HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE)]
-
-import matplotlib  # noqa: E402
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt  # noqa: E402
-import numpy as np  # noqa: E402
-import pages  # noqa: E402
-from machine import described, machine, versions  # noqa: E402
-
-from collision_response import Body, Contact, ImpactModel, Law, resolve, resolve_scene  # noqa: E402
-from collision_response.physics.body import Twist  # noqa: E402
-from collision_response.physics.mass_properties import box, sphere  # noqa: E402
-from collision_response.physics.vector import Vec3  # noqa: E402
-from collision_response.scene.order_sensitivity import resolve_sequentially  # noqa: E402
+from collision_response import Body, Contact, ImpactModel, Law, resolve, resolve_scene
+from collision_response.physics.body import Twist
+from collision_response.physics.mass_properties import box, sphere
+from collision_response.physics.vector import Vec3
+from collision_response.scene.order_sensitivity import resolve_sequentially
 
 Vectors = list[tuple[Any, Any]]
 """Velocity and angular velocity of each movable body."""
@@ -283,7 +265,10 @@ class Siconos:
         if python is None or subprocess.run(check, capture_output=True).returncode:
             raise ImportError("no Python in /usr/bin has siconos: apt install python3-siconos")
         self._process = subprocess.Popen(
-            [python, HERE / "siconos_lcp.py"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            [python, Path(__file__).with_name("siconos_lcp.py")],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
         )
 
     def ask(self, problem: Any) -> tuple[list[float], float]:
@@ -477,9 +462,8 @@ COLOURS = {
 }
 
 
-def draw(found: dict[str, Any], path: Path) -> None:
+def draw(found: dict[str, Any]) -> None:
     """Plot time against the number of contacts, with a panel for each kind of scene."""
-    plt.rcParams.update({"font.size": 10, "axes.spines.top": False, "axes.spines.right": False})
     figure, grid = plt.subplots(1, 2, figsize=(9, 4.3), sharex=True, sharey=True, layout="constrained")
     titles = {"row": "balls in a row: one cluster", "boxes": "flat boxes: clusters of four"}
     for axes, (what, title) in zip(grid, titles.items(), strict=True):
@@ -497,29 +481,11 @@ def draw(found: dict[str, Any], path: Path) -> None:
         axes.minorticks_off()
     handles, labels = grid[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=9.5)
-    figure.savefig(path, dpi=110, metadata={"Software": None})
-    plt.close(figure)
+    save(figure, "scenes-cost.png")
 
 
 def write(results: dict[str, Any]) -> None:
     """Write the generated parts of the page, and its plot."""
     pages.rewrite(pages.DOCS / "scenes.md", parts(results))
-    draw(results["scenes"], pages.DOCS / "images" / "scenes-cost.png")
-    print("==> wrote docs/scenes.md and its plot of costs")
-
-
-def main() -> None:
-    """Measure and write."""
-    results: dict[str, Any] = {
-        "date": datetime.date.today().isoformat(),
-        "machine": machine(),
-        "scenes": measure(None, partial(print, flush=True)),
-    }
-    pages.store(results, HERE / "results" / "scenes.json")
-    write(results)
-    for target in results["scenes"]["targets"]:
-        print(f"{target['what']}: {target['measured']:.3g}, at most {target['most']:g}")
-
-
-if __name__ == "__main__":
-    main()
+    draw(results["scenes"])
+    print("==> wrote docs/scenes.md")

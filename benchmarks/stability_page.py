@@ -4,32 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from pathlib import Path
 from typing import Any
 
-import matplotlib
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
+from figures import GREY, INK, plt, save
 from matplotlib.axes import Axes
 from pages import DOCS, ROOT, power, rewrite, significant, store, table
 
 LOW, HIGH = 1e-18, 30.0
 """Where the plots show an error of 0 and an infinite bound."""
 
-ERROR, BOUND, INK, GREY = "#2a7f9e", "#d95f02", "#222222", "#8a8a8a"
+ERROR, BOUND = "#2a7f9e", "#d95f02"
 PRECISIONS = ("SINGLE", "DOUBLE", "EXTENDED")
 DRIFT_COLOURS = {"SINGLE": "#d95f02", "DOUBLE": "#6a3d9a", "EXTENDED": "#2a7f9e"}
-STYLE = {
-    "font.size": 8,
-    "axes.edgecolor": GREY,
-    "axes.labelcolor": INK,
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-}
 ANSWERS = ("OK", "SEPARATING", "TOLERANCE_NOT_MET")
 WILDNESS = ("usual", "1e±3", "1e±10", "1e±30", "1e±150")
 OTHER = (*ANSWERS, "asked", "bounded")
@@ -40,10 +26,10 @@ def write(results: dict[str, Any]) -> None:
     kept = {key: value for key, value in results.items() if key != "conditions"}
     store(kept, ROOT / "benchmarks" / "results" / f"stability-{results['date']}.json")
     rewrite(DOCS / "stability.md", {name: part(results) for name, part in PARTS.items()})
-    with plt.rc_context(STYLE):
-        draw_conditions(results["conditions"], DOCS / "images" / "stability-condition.png")
-        draw_drift(results["drift"], DOCS / "images" / "stability-drift.png")
-    print("==> wrote docs/stability.md and its pictures")
+    with plt.rc_context({"font.size": 8, "axes.edgecolor": GREY}):
+        draw_conditions(results["conditions"])
+        draw_drift(results["drift"])
+    print("==> wrote docs/stability.md")
 
 
 def _summary(results: dict[str, Any]) -> str:
@@ -128,7 +114,7 @@ PARTS: dict[str, Callable[[dict[str, Any]], str]] = {
 }
 
 
-def draw_conditions(conditions: dict[str, list[dict[str, Any]]], path: Path) -> None:
+def draw_conditions(conditions: dict[str, list[dict[str, Any]]]) -> None:
     """Plot true errors and bounds, with a row for each ill condition and a column for each precision."""
     titles = {
         "grazing": "grazing: slip / approach speed",
@@ -144,8 +130,7 @@ def draw_conditions(conditions: dict[str, list[dict[str, Any]]], path: Path) -> 
         ax.set_title(precision, fontsize=9, color=INK)
     handles, labels = axes[0][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False, markerscale=3)
-    figure.savefig(path, dpi=200)
-    plt.close(figure)
+    save(figure, "stability-condition.png", dpi=200)
 
 
 def _draw_condition(ax: Axes, samples: list[dict[str, Any]], precision: str) -> None:
@@ -179,7 +164,7 @@ def _lower_envelope(points: Iterable[tuple[float, float]]) -> tuple[list[float],
     return [10 ** ((place + 0.5) / 2) for place in places], [least[place] for place in places]
 
 
-def draw_drift(drifts: dict[str, list[dict[str, float]]], path: Path) -> None:
+def draw_drift(drifts: dict[str, list[dict[str, float]]]) -> None:
     """Plot the drift of what elastic impacts should conserve, against their number."""
     figure, axes = plt.subplots(1, 3, figsize=(8, 2.9), sharex=True, sharey=True, layout="constrained")
     for ax, quantity in zip(axes, ("energy", "momentum", "angular momentum"), strict=True):
@@ -194,5 +179,4 @@ def draw_drift(drifts: dict[str, list[dict[str, float]]], path: Path) -> None:
         ax.grid(color="#e6e6e6", linewidth=0.6)
     axes[0].set_ylabel("relative drift")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
-    figure.savefig(path, dpi=200)
-    plt.close(figure)
+    save(figure, "stability-drift.png", dpi=200)

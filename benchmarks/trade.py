@@ -12,7 +12,8 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import batch
-from cases import ALIGNED, PAIR, Scene, copies, grazing, slip_reversal, thin_rod, turning_slip
+from batch_cases import batch_of
+from cases import ALIGNED, PAIR, Scene, grazing, slip_reversal, thin_rod, turning_slip
 from one import PINOCCHIO_J, by_resolve, peers_of
 from timing import interleaved, spread
 from truth import error_of_impulse, true_error, truth_of
@@ -97,7 +98,7 @@ def measure(skipped: dict[str, str], progress: Callable[[str], object]) -> dict[
             if error > answer.error_bound + (1e-15 if Law[way.law] > Law.COULOMB else 0.0):
                 above.append(f"{name}, {way.law} {way.precision}")
         times = interleaved(calls, rounds=ROUNDS, seconds=0.002)
-        bodies, contacts = copies(scene, CONTACTS)
+        bodies, contacts = batch_of([scene] * CONTACTS)
         runs = {way: batch.by_batch(bodies, contacts, model) for way, model in batch_ways().items()}
         for way, run in runs.items():
             out = run()
@@ -166,8 +167,7 @@ def plotted(name: str, scene: Scene, skipped: dict[str, str]) -> list[dict[str, 
         if way == PINOCCHIO_J or (is_usual and "step" in way):
             note("peer", way, peer.error(peer.call(), truth), None, peer.call)
     times = interleaved(calls, rounds=ROUNDS, seconds=0.002)
-    bodies, contacts = copies(scene, CONTACTS)
-    bodies = bodies[:16]  # without orientation: all axes are the world's
+    bodies, contacts = batch_of([scene] * CONTACTS, oriented=False)  # all axes are the world's
     runs = {
         "batch": ImpactModel(Law.FRICTIONLESS),
         "batch, with bound": ImpactModel(Law.FRICTIONLESS, precision=Precision.DOUBLE, tolerance=1e-9),

@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
-import matplotlib
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
+from figures import plt, save
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
@@ -42,9 +37,9 @@ LABELS = {  # offset of a name in points, if its mark is at the lower edge, and 
 FLOOR, CEILING = 1e-17, 3.0
 
 
-def draw(points: Sequence[Point], path: Path) -> None:
-    """Draw a panel for each scene and save the figure."""
-    plt.rcParams.update({"font.size": 11, "axes.spines.top": False, "axes.spines.right": False})
+def draw(points: Sequence[Point]) -> None:
+    """Draw a panel for each scene."""
+    plt.rcParams["font.size"] = 11
     names = list(dict.fromkeys(point["scene"] for point in points))
     figure, grid = plt.subplots(1, len(names), figsize=(12, 5.0), sharex=True, sharey=True)
     for axes, name in zip(grid, names, strict=True):
@@ -54,8 +49,7 @@ def draw(points: Sequence[Point], path: Path) -> None:
         handles=legend(), loc="lower center", ncols=4, frameon=False, fontsize=10.5, columnspacing=2
     )
     figure.tight_layout(rect=(0, 0.13, 1, 1), w_pad=1.2)
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
+    save(figure, "trade-off.png", dpi=130)
 
 
 def panel(axes: Axes, name: str, points: dict[str, Point]) -> None:

@@ -5,11 +5,7 @@ It computes with rational numbers, and with mpmath for laws that follow the path
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
 from typing import Any
-
-sys.path.append(str(Path(__file__).resolve().parent.parent / "test"))
 
 import exact
 from cases import Scene

@@ -1,12 +1,11 @@
 """Makes the pictures and tables of impact-laws.md with the package.
 
 It needs ``pip install '.[plots]'``. ``python docs/impact_laws.py`` writes the pictures to docs/images
-and the tables into the page; with ``--no-tables`` only the pictures.
+and the tables into the page.
 """
 
 from __future__ import annotations
 
-import argparse
 import csv
 import math
 import sys
@@ -16,15 +15,11 @@ from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
-import matplotlib
-
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
-matplotlib.use("Agg")
 
-import matplotlib.pyplot as plt
 import numpy as np
+from figures import GREY, INK, arrow, plt, save
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from pages import rewrite, table
@@ -37,8 +32,6 @@ from collision_response.physics.mass_properties import box, rod
 from collision_response.physics.stiffness import Elastic, stiffness_ratio
 
 PAGE = Path(__file__).with_name("impact-laws.md")
-IMAGES = Path(__file__).parent / "images"
-INK, GREY = "#222222", "#8a8a8a"
 CONE, COMPRESSION, STICKING, ENERGY = "#dfe8f2", "#2a7f9e", "#8c564b", "#6a3d9a"
 PATH, ANSWER, RAW = "#d95f02", "#b30000", "#e7298a"
 LAWS = [law for law in Law if law is not Law.AUTO]
@@ -130,13 +123,7 @@ def draw_path(ax: Axes, points: np.ndarray) -> None:
     length = np.ptp(points[:, 1]) + np.ptp(points[:, 0])
     for a, b in pairwise(points):
         if np.abs(b - a).sum() > 0.07 * length:
-            ax.annotate(
-                "",
-                xy=a + 0.62 * (b - a),
-                xytext=a + 0.45 * (b - a),
-                arrowprops={"arrowstyle": "-|>", "color": PATH, "lw": 2.4, "shrinkA": 0, "shrinkB": 0},
-                zorder=5,
-            )
+            arrow(ax, a + 0.45 * (b - a), a + 0.62 * (b - a), PATH, lw=2.4)
 
 
 def mark(
@@ -186,13 +173,6 @@ def picture(name: str, draw: Callable[[Axes, Case], None], *extra: Line2D, path:
         frameon=False,
     )
     save(figure, name)
-
-
-def save(figure: Figure, name: str) -> None:
-    IMAGES.mkdir(exist_ok=True)
-    figure.savefig(IMAGES / name, dpi=120, metadata={"Software": None})
-    plt.close(figure)
-    print(f"docs/images/{name}")
 
 
 # One drawing per law --------------------------------------------------------------------------
@@ -327,9 +307,9 @@ def draw_rods() -> None:
         ax.plot([-0.6, 1.2], [0, 0], color=INK, lw=1.2)
         ax.plot(*np.array([[0, 0], end]).T, color=INK, lw=5, solid_capstyle="round")
         ax.plot(*(end / 2), marker="o", color="white", mec=INK, ms=6)
-        arrow(ax, end / 2, np.array(case.velocity) * 0.3, PATH, "$u$")
-        arrow(ax, np.zeros(2), np.array([0, 0.4]), COMPRESSION, "$n$")
-        arrow(ax, np.zeros(2), np.array([0.4, 0]), STICKING, "$t$", (0, -9))
+        arrow(ax, end / 2, end / 2 + np.array(case.velocity) * 0.3, PATH, "$u$", (9, 3))
+        arrow(ax, (0, 0), (0, 0.4), COMPRESSION, "$n$", (9, 3))
+        arrow(ax, (0, 0), (0.4, 0), STICKING, "$t$", (0, -9))
         turn = np.linspace(0, case.angle, 40)
         ax.plot(0.2 * np.cos(turn), 0.2 * np.sin(turn), color=GREY, lw=1)
         middle = case.angle / 2
@@ -378,20 +358,6 @@ def draw_compliant() -> None:
     for ax in axes:
         ax.set_xlabel("angle of incidence from the normal  [°]")
     save(figure, "impact-law-compliant.png")
-
-
-def arrow(
-    ax: Axes,
-    start: np.ndarray,
-    along: np.ndarray,
-    color: str,
-    text: str,
-    offset: tuple[float, float] = (9, 3),
-) -> None:
-    style = {"arrowstyle": "-|>", "color": color, "lw": 1.8, "shrinkA": 0, "shrinkB": 0}
-    ax.annotate("", xy=start + along, xytext=start, arrowprops=style, zorder=5)
-    place = {"textcoords": "offset points", "ha": "center", "va": "center"}
-    ax.annotate(text, xy=start + along, xytext=offset, color=color, fontsize=11, **place)
 
 
 def draw_restitution() -> None:
@@ -476,10 +442,6 @@ def tumbling_box() -> tuple[Body, Body, Contact]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="The pictures and the tables of impact-laws.md.")
-    parser.add_argument("--no-tables", action="store_true", help="draw only")
-    arguments = parser.parse_args()
-    plt.rcParams.update({"font.size": 9.5, "axes.spines.top": False, "axes.spines.right": False})
     draw_rods()
     picture("impact-law-frictionless.png", draw_frictionless)
     picture("impact-law-coulomb.png", draw_coulomb)
@@ -490,9 +452,8 @@ def main() -> None:
     draw_compliant()
     draw_comparison()
     draw_restitution()
-    if not arguments.no_tables:
-        rewrite(PAGE, {"values": table(HEAD, values()), "cost": table(COSTS, costs())})
-        print(f"docs/{PAGE.name}")
+    rewrite(PAGE, {"values": table(HEAD, values()), "cost": table(COSTS, costs())})
+    print(f"==> wrote docs/{PAGE.name}")
 
 
 if __name__ == "__main__":

@@ -15,14 +15,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import matplotlib
-
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
-matplotlib.use("Agg")
 
-import matplotlib.pyplot as plt
 import numpy as np
-from pages import rewrite, table
+from figures import GREY, plt, save
+from pages import rewrite, store, table
 
 from collision_response import Body, Contact, Geometry, ImpactModel, Law, Precision, Twist
 from collision_response.batch import contact_rows, resolve_batch
@@ -36,7 +33,7 @@ PAGE, RESULTS, KHARAZ = HERE / "measured-impacts.md", HERE / "measured-impacts.j
 LAWS = [law for law in Law if law is not Law.AUTO]
 SHOWN = 10, 50, 90
 """Percentiles of the impacts to show."""
-INK, BLUE, ORANGE, GREY = "#222222", "#0072b2", "#d55e00", "#8a8a8a"
+BLUE, ORANGE = "#0072b2", "#d55e00"
 
 SPEED, RADIUS = 3.9, 0.0025
 BY_AUTHORS = {"restitution": 0.98, "friction": 0.092, "stiffness_ratio": 0.87}
@@ -89,7 +86,7 @@ def of_models(clone: Path, drops: Impacts, laws: dict[str, Any]) -> dict[str, An
         told = drops.predict(Law[name], {"restitution": e, "friction": mu})[:2, 0]
         apart = norms(told - columns[MODELS.index(other), :2]).mean()
         results[f"{name} less {other}"] = float(apart)
-    return {name: float(f"{x:.3g}") for name, x in results.items()}
+    return results
 
 
 def norms(table: np.ndarray) -> np.ndarray:
@@ -97,7 +94,7 @@ def norms(table: np.ndarray) -> np.ndarray:
 
 
 def percentiles(values: np.ndarray) -> list[float]:
-    return [float(f"{x:.3g}") for x in np.percentile(values, SHOWN)]
+    return np.percentile(values, SHOWN).tolist()
 
 
 def of_impacts(measured: Impacts) -> dict[str, Any]:
@@ -107,10 +104,9 @@ def of_impacts(measured: Impacts) -> dict[str, Any]:
     for law in LAWS:
         found = identify(measured, law, resamples=100)
         missed = norms(measured.residuals(law, found.values, "kinetic")) / size
-        told = {name: [float(f"{x:.3g}") for x in one[:3]] for name, one in found.coefficients.items()}
         results["laws"][law.name] = {
-            "coefficients": told,
-            "misfit": float(f"{found.misfit:.3g}"),
+            "coefficients": {name: list(one[:3]) for name, one in found.coefficients.items()},
+            "misfit": found.misfit,
             "missed": percentiles(missed),
         }
         print(found)
@@ -143,10 +139,11 @@ def of_kharaz() -> dict[str, Any]:
         results["fits"][name] = str(found).splitlines()[1:]
         print(name, found, sep="\n")
     angles, ratios = np.array([(row["incidence"], row["ratio"]) for row in rows if row["ratio"] > 0]).T
-    curves = {law.name: ratio_by(law, angles) for law in LAWS}
     results["angles"], results["measured"] = angles.tolist(), ratios.tolist()
-    results["ratios"] = {name: [float(f"{x:.4g}") for x in curve] for name, curve in curves.items()}
-    missed = abs(curves["COULOMB"] - ratios) * np.sin(np.radians(angles))
+    readings = SphereReadings(SPEED, RADIUS, {"ratio": [(a, 0.0) for a in angles]}, READING)
+    off = {law.name: readings.predict(law, BY_AUTHORS) - ratios for law in LAWS}
+    results["off"] = {name: one.tolist() for name, one in off.items()}
+    missed = abs(off["COULOMB"]) * np.sin(np.radians(angles))
     results["missed"] = {
         "sliding": percentiles(missed[angles > SLIDING]),
         "sticking": percentiles(missed[angles < SLIDING]),
@@ -154,13 +151,7 @@ def of_kharaz() -> dict[str, Any]:
     return results
 
 
-def ratio_by(law: Law, angles: np.ndarray) -> np.ndarray:
-    """Tangential velocity of the centre, after over before, by a law with the authors' coefficients."""
-    readings = SphereReadings(SPEED, RADIUS, {"ratio": [(a, 0.0) for a in angles]}, READING)
-    return readings.predict(law, BY_AUTHORS)
-
-
-def picture(results: dict[str, Any], path: Path) -> None:
+def picture(results: dict[str, Any]) -> None:
     """Draw the errors from rounding and those of the laws on one axis."""
     cubes, drops, sphere = results["cubes"], results["ellipse"], results["kharaz"]["missed"]
     rows = [
@@ -184,28 +175,7 @@ def picture(results: dict[str, Any], path: Path) -> None:
                   textcoords="offset points", fontsize=9)  # fmt: skip
     axes.set(xscale="log", xlim=(1e-17, 3), ylim=(len(rows) - 0.5, -0.8), xlabel="relative error")
     axes.set_yticks(range(len(rows)), [name for name, *_ in rows])
-    axes.spines[["top", "right"]].set_visible(False)
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
-
-
-def picture_of_sphere(results: dict[str, Any], path: Path) -> None:
-    """Draw the measurements and the laws over the angle of incidence."""
-    figure, axes = plt.subplots(figsize=(8, 4.2), layout="constrained")
-    angles = np.linspace(0.5, 62, 200)
-    styles = {"COULOMB": ("-", INK), "COMPLIANT": ("-", ORANGE)}
-    for law in LAWS:
-        if law.name in styles:
-            line, colour = styles[law.name]
-            axes.plot(
-                angles, ratio_by(law, angles), line, color=colour, label=f"{law.name}, e = 0.98, μ = 0.092"
-            )
-    axes.plot(results["angles"], results["measured"], "o", color=BLUE, label="Kharaz, Gorham & Salman 2001")
-    axes.set(xlabel="incidence from the normal [degrees]", ylabel="tangential velocity, after / before")
-    axes.legend(frameon=False)
-    axes.spines[["top", "right"]].set_visible(False)
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
+    save(figure, "measured-impacts.png")
 
 
 MISSES = "law", "e", "μ", "misfit", "error per impact (10th, 50th, 90th percentile)"
@@ -225,9 +195,7 @@ def tables(results: dict[str, Any]) -> dict[str, str]:
         parts[name] = table(MISSES, rows)
     sphere = results["kharaz"]
     rows = [["measured", *(f"{x:.3f}" for x in sphere["measured"])]]
-    for law, ratios in sphere["ratios"].items():
-        off = (x - m for x, m in zip(ratios, sphere["measured"], strict=True))
-        rows.append([f"`{law}`", *(f"{x:+.3f}" for x in off)])
+    rows += [[f"`{law}`", *(f"{x:+.3f}" for x in off)] for law, off in sphere["off"].items()]
     parts["sphere"] = table(["law", *(f"{a:.0f}°" for a in sphere["angles"])], rows)
     fits = [f"{name}\n" + "\n".join(lines) for name, lines in sphere["fits"].items()]
     parts["fits"] = "```text\n" + "\n".join(fits) + "\n```"
@@ -251,10 +219,9 @@ def main() -> None:
         results["cubes"] = of_impacts(cubes)
         draw(identify(cubes), cubes, HERE / "images" / "identify.png")
     results["kharaz"] = of_kharaz()
-    RESULTS.write_text(json.dumps(results, indent=1, ensure_ascii=False) + "\n")
+    store(results, RESULTS)
     rewrite(PAGE, tables(results))
-    picture(results, HERE / "images" / "measured-impacts.png")
-    picture_of_sphere(results["kharaz"], HERE / "images" / "measured-sphere.png")
+    picture(results)
 
 
 if __name__ == "__main__":

@@ -14,14 +14,10 @@ from itertools import permutations
 from pathlib import Path
 from typing import Any
 
-import matplotlib
-
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
-matplotlib.use("Agg")
 
-import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.figure import Figure
+from figures import GREY, INK, arrow, plt, save
 from matplotlib.patches import Circle, Rectangle
 from pages import rewrite, table
 
@@ -32,8 +28,7 @@ from collision_response.physics.vector import Vec3
 from collision_response.scene.order_sensitivity import resolve_sequentially
 
 PAGE = Path(__file__).with_name("scenes.md")
-IMAGES = Path(__file__).parent / "images"
-INK, GREY, PALE = "#222222", "#8a8a8a", "#dfe8f2"
+PALE = "#dfe8f2"
 BLUE, ORANGE, GREEN, RED = "#2a7f9e", "#d95f02", "#3a8f5c", "#b30000"
 
 Options = dict[str, Any]
@@ -167,9 +162,7 @@ def draw_rack() -> None:
             ax.add_patch(Circle((p.x, p.y), RADIUS, fc=PALE, ec=GREY, lw=0.6))
         for p, v in zip(at, velocities(), strict=True):
             if v.norm() > 0.01:
-                tip = (p.x + 0.55 * v.x, p.y + 0.55 * v.y)
-                style = {"arrowstyle": "-|>", "color": colour, "lw": 1.4, "shrinkA": 0, "shrinkB": 0}
-                ax.annotate("", tip, (p.x, p.y), arrowprops={**style, "mutation_scale": 8})
+                arrow(ax, p[:2], (p + 0.55 * v)[:2], colour, lw=1.4, mutation_scale=8)
         ax.set(xlim=(-0.62, 0.8), ylim=(-0.47, 0.42), aspect="equal")
         ax.set_title(title, fontsize=10, color=colour)
         ax.set_axis_off()
@@ -218,20 +211,13 @@ def facts() -> Iterator[str]:
     yield f"`order_sensitivity` is {sensitivity:.2f}."
 
 
-def save(figure: Figure, name: str) -> None:
-    figure.savefig(IMAGES / name, dpi=110, metadata={"Software": None})
-    plt.close(figure)
-    print(f"docs/images/{name}")
-
-
 def main() -> None:
     """Draw the pictures and write the tables."""
-    plt.rcParams.update({"font.size": 9.5, "axes.spines.top": False, "axes.spines.right": False})
     draw_cradle()
     draw_box()
     draw_rack()
     rewrite(PAGE, {"laws": law_table(), "orders": "\n".join(facts()), "example": f"```\n{example()}\n```"})
-    print(f"docs/{PAGE.name}")
+    print(f"==> wrote docs/{PAGE.name}")
 
 
 if __name__ == "__main__":

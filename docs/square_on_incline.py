@@ -6,21 +6,18 @@ Run ``pip install '.[plots]'``, then ``python docs/square_on_incline.py``.
 from __future__ import annotations
 
 import math
+import sys
 from pathlib import Path
 
-import matplotlib
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
 import numpy as np
+from figures import GREY, INK, arrow, plt, save
 from matplotlib.axes import Axes
 
 from collision_response import Body, Impact, resolve
 from collision_response.demo.systems import System, s2
 
-INK, GREY = "#222222", "#8a8a8a"
-PICTURE = Path(__file__).parent / "images" / "square-on-incline.png"
 SHOWN = math.radians(20)
 """Corner angle in the sketch [rad]."""
 EVERY = 0.5
@@ -60,7 +57,7 @@ def draw(degrees: np.ndarray, solved: np.ndarray, expected: np.ndarray) -> None:
     ):
         ax.plot(degrees, formula, color=color, lw=2, label="closed form")
         ax.plot(degrees[::10], got[::10], "o", color="white", mec=color, ms=6, label="resolve()")
-        ax.axhline(start, color="#8a8a8a", lw=1, ls="--", label="before the impact")
+        ax.axhline(start, color=GREY, lw=1, ls="--", label="before the impact")
         ax.set_ylabel(label)
         ax.grid(color="#e5e5e5")
         ax.margins(x=0.01)
@@ -69,9 +66,7 @@ def draw(degrees: np.ndarray, solved: np.ndarray, expected: np.ndarray) -> None:
     axes[-1].set_xlabel("corner angle φ, positive uphill  [degrees]")
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=3, frameon=False)
-    PICTURE.parent.mkdir(exist_ok=True)
-    figure.savefig(PICTURE, dpi=120, metadata={"Software": None})
-    print(f"docs/images/{PICTURE.name}")
+    save(figure, "square-on-incline.png")
 
 
 def sketch(ax: Axes) -> None:
@@ -95,13 +90,8 @@ def sketch(ax: Axes) -> None:
     ax.plot(*(com[:, None] + 0.5 * np.array([np.cos(turn), np.sin(turn)])), color=GREY, lw=1)
     ax.text(*(com + 0.6 * np.array([math.cos(turn[15]), math.sin(turn[15])])), "φ", ha="center", va="center")
     velocity = 0.16 * np.array(system.body_a.velocity[:2])
-    for at, along, color, text, offset in (
-        (com - velocity, velocity, "#d95f02", "$v$", (-6, 8)),
-        (np.zeros(2), 0.45 * normal, "#2a7f9e", "$n$", (-13, 3)),
-    ):
-        style = {"arrowstyle": "-|>", "color": color, "lw": 1.8, "shrinkA": 0, "shrinkB": 0}
-        ax.annotate("", xy=at + along, xytext=at, arrowprops=style)
-        ax.annotate(text, xy=at + along, xytext=offset, textcoords="offset points", color=color, fontsize=11)
+    arrow(ax, com - velocity, com, "#d95f02", "$v$", (-2, 13))
+    arrow(ax, (0, 0), 0.45 * normal, "#2a7f9e", "$n$", (-9, 8))
     ax.plot(*com, "o", color="white", mec=INK, ms=6)
     ax.set_title(f"φ = {math.degrees(SHOWN):.0f}°", fontsize=10)
     ax.set(aspect="equal")
@@ -122,7 +112,6 @@ def energy_error(impact: Impact) -> float:
 
 
 def main() -> None:
-    plt.rcParams.update({"font.size": 9.5, "axes.spines.top": False, "axes.spines.right": False})
     degrees = np.arange(-45, 45 + EVERY, EVERY)
     systems = [s2(math.radians(angle)) for angle in degrees]
     assert all(system.body_b == Body.static() for system in systems)
