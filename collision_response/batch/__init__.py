@@ -1,7 +1,7 @@
 """Many contacts, or many scenes, at once: arrays in, arrays out."""
 
 from .pairs import independent_sets, scatter_velocities
-from .resolve_batch import resolve_batch, resolve_with_pauses
+from .resolve_batch import resolve_batch
 from .resolve_scenes import ScenesResult, resolve_scenes
 from .result import BatchResult, is_bounded
 from .rows import BodyRows, ContactRows, body_rows, contact_rows
@@ -17,6 +17,5 @@ __all__ = [
     "is_bounded",
     "resolve_batch",
     "resolve_scenes",
-    "resolve_with_pauses",
     "scatter_velocities",
 ]

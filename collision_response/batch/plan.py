@@ -52,6 +52,17 @@ class BatchRequest(NamedTuple):
     pairs: Array | None
     contacts: Array
 
+    @classmethod
+    def of(cls, bodies: Array, contacts: Array, model: ImpactModel, pairs: Array | None) -> BatchRequest:
+        """Return the request for these arrays. Raises: as ``resolve_batch``."""
+        return cls(plan_for(bodies, contacts, model, pairs), bodies, pairs, contacts)
+
+    def contiguous(self) -> BatchRequest:
+        """Return the request with contiguous tables."""
+        return self._replace(
+            bodies=np.ascontiguousarray(self.bodies), contacts=np.ascontiguousarray(self.contacts)
+        )
+
     def select(self, columns: Array) -> BatchRequest:
         """Return the request for some contacts, each with its own copy of its two bodies."""
         at = columns if self.pairs is None else self.pairs.take(columns, 1)

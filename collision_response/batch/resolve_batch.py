@@ -39,7 +39,7 @@ from .dask_arrays import resolve_lazily
 from .one_by_one import resolve_one_by_one
 from .other_arrays import as_numpy, converter_like, is_lazy, library_of
 from .pairs import as_pairs
-from .plan import BatchPlan, BatchRequest, plan_for
+from .plan import BatchPlan, BatchRequest
 from .result import BatchResult
 
 Array = np.ndarray[Any, Any]
@@ -95,13 +95,13 @@ def resolve_batch(
         pairs is not None and is_lazy(pairs)
     ):
         return _resolve_other_arrays(bodies, contacts, model, pairs, report, out, workers)
-    pairs = None if pairs is None else as_pairs(pairs)
+    request = BatchRequest.of(bodies, contacts, model, None if pairs is None else as_pairs(pairs))
     if out is None:
-        plan = plan_for(bodies, contacts, model, pairs)
-        out = plan.result_fields(contacts.shape[1], report).mapped(lambda field: np.empty(*field))
+        fields = request.plan.result_fields(contacts.shape[1], report)
+        out = fields.mapped(lambda field: np.empty(*field))
     elif report and out.regime is None:
         raise ValueError("out.regime: must be there for a report, is None")
-    for _ in resolve_with_pauses(bodies, contacts, model, out, workers, pairs=pairs):
+    for _ in resolve_with_pauses(request, out, workers):
         pass
     return out
 
@@ -145,32 +145,21 @@ def check_workers(workers: Any) -> None:
 
 
 def resolve_with_pauses(
-    bodies: Array,
-    contacts: Array,
-    model: ImpactModel,
-    out: BatchResult,
-    workers: int = 1,
-    *,
-    pairs: Array | None = None,
-    start: int = 0,
-    stop: int | None = None,
+    request: BatchRequest, out: BatchResult, workers: int = 1, start: int = 0, stop: int | None = None
 ) -> Iterator[None]:
     """Resolve a batch of NumPy arrays, pausing after each contact that the kernels cannot answer well enough.
 
     Callers that have other work can do it in the pauses. When the iterator ends, the results of the contacts
-    from ``start`` to ``stop`` are complete in ``out``. For the other arguments see :func:`resolve_batch`.
+    from ``start`` to ``stop`` are complete in ``out``.
     """
-    plan, target, n = plan_for(bodies, contacts, model, pairs), out, contacts.shape[1]
-    request, columns = (
-        BatchRequest(plan, bodies, pairs, contacts),
-        (start, n if stop is None else min(stop, n)),
-    )
-    worst = _run(request, plan.number_type, out, workers, *columns)
+    target, n = out, request.contacts.shape[1]
+    columns = start, n if stop is None else min(stop, n)
+    worst = _run(request, request.plan.number_type, out, workers, *columns)
     if worst is None:  # an array is not contiguous, does not fit, or shares memory with another
-        _check_out(plan, n, out)
-        request = BatchRequest(plan, np.ascontiguousarray(bodies), pairs, np.ascontiguousarray(contacts))
+        _check_out(request.plan, n, out)
+        request = request.contiguous()
         target = out.mapped(lambda array: np.empty_like(array, order="C"))
-        worst = _run(request, plan.number_type, target, workers, *columns)
+        worst = _run(request, request.plan.number_type, target, workers, *columns)
         assert worst is not None, "copies fit"
     part = (request, target) if columns == (0, n) else request.part(target, *columns)
     yield from _refine(*part, *worst, workers)

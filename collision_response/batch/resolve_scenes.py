@@ -37,7 +37,7 @@ from ..status import ImpactError, StatusCode
 from .one_by_one import body_of, contact_of
 from .other_arrays import check_unmasked
 from .pairs import IS_ANSWER, as_pairs
-from .plan import BatchRequest, plan_for
+from .plan import BatchRequest
 from .resolve_batch import check_workers, resolve_batch, run_in_parts
 from .result import ENERGIES, UINT8
 
@@ -126,9 +126,9 @@ def resolve_scenes(
     bodies, contacts, pairs = np.ascontiguousarray(bodies), np.ascontiguousarray(contacts), as_pairs(pairs)
     check_workers(workers)
     check_number("threshold", threshold, 0, math.nextafter(1, 0), StatusCode.INVALID_MODEL)
-    batch_plan = plan_for(bodies, contacts, model, pairs)
-    model, request = batch_plan.model, BatchRequest(batch_plan, bodies, pairs, contacts)
-    if bodies.dtype != np.float64 or contacts.shape[0] > batch_plan.layout.contacts.height:
+    request = BatchRequest.of(bodies, contacts, model, pairs)
+    model = request.plan.model
+    if bodies.dtype != np.float64 or contacts.shape[0] > request.plan.layout.contacts.height:
         raise ValueError("bodies, contacts: must be float64, and without rows of tangential restitution")
     clusters, cluster_of = _find_clusters(bodies, pairs)
     result = _initial_result(request, cluster_of, clusters.starts.size - 1)

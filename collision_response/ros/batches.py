@@ -16,11 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from builtin_interfaces.msg import Time
 
-from ..batch import BatchResult, resolve_with_pauses
-from ..batch.plan import plan_for
+from ..batch import BatchResult
+from ..batch.plan import BatchRequest, plan_for
+from ..batch.resolve_batch import resolve_with_pauses
 from ..batch.rows import Layout
 from ..body_conversions import moment_about_z, orientation_of, planar_spin, with_com_as_reference
-from ..model import Geometry, ImpactModel
+from ..model import Geometry
 from ..msg import BodyState
 from ..srv import ResolveCollisionBatch
 from ..status import ImpactError, StatusCode
@@ -92,7 +93,7 @@ class BatchService:
 
         response = Response()
         out = result_in(response, plan.result_fields(pairs.shape[1], request.report), zeros_in)
-        yield from compute(bodies.table, pairs, contacts, model, out)
+        yield from compute(BatchRequest(plan, bodies.table, pairs, contacts), out)
 
         if bodies.errors:
             write_codes(pairs, bodies.codes, out.status)
@@ -112,15 +113,13 @@ class BatchService:
         )
 
 
-def compute(
-    table: Array, pairs: Array, contacts: Array, model: ImpactModel, out: BatchResult
-) -> Iterator[None]:
+def compute(batch: BatchRequest, out: BatchResult) -> Iterator[None]:
     """Compute all impacts into ``out``, with pauses."""
-    start, block, n = 0, INITIAL_BLOCK, pairs.shape[1]
+    start, block, n = 0, INITIAL_BLOCK, batch.contacts.shape[1]
     while start < n:
         block_start = time.perf_counter()
         stop = start + block
-        yield from resolve_with_pauses(table, contacts, model, out, pairs=pairs, start=start, stop=stop)
+        yield from resolve_with_pauses(batch, out, start=start, stop=stop)
         start = stop
         duration = time.perf_counter() - block_start
         if duration < BLOCK_TIMES[0]:
