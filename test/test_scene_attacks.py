@@ -128,6 +128,19 @@ def test_a_flat_box_in_any_orientation():
             assert P.norm() == pytest.approx(1.7 / 4, abs=1e-9)
 
 
+@pytest.mark.parametrize("first", range(1, 200, 50))
+def test_a_table_on_many_legs_is_not_pressed(first):
+    """Its inertia is small for legs so far apart. Two of them may carry much more than its weight."""
+    places = [(x / 2, y / 6, 0.0) for x in (-1, 0, 1) for y in (-3, -1, 1, 3)]
+    contacts = [Contact.of(place, (0.0, 0.0, 1.0), 0.5) for place in places]
+    for side in range(first, first + 50):
+        table = Body.box(1.0, (side / 100,) * 3, velocity=(0.0, 0.0, -1.0))
+        answer = resolve_scene([table, Body.static()], [(0, 1)] * 12, contacts)
+        assert answer.twists[0].linear.z == pytest.approx(0.5, abs=1e-9), side
+        assert answer.error_bound < 1e-9
+        assert not answer.adjustments
+
+
 @pytest.mark.parametrize("tilt", [1e-300, 1e-17, 1e-15, 1e-12, 1e-9, 1e-6])
 def test_contacts_that_almost_depend_on_each_other(tilt):
     """The fourth normal differs slightly from the others."""

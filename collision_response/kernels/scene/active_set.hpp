@@ -12,7 +12,7 @@
 #include "../numbers.hpp"
 #include "vectors.hpp"
 
-// Values up to which it may be rounding: a pivot; a component of a line or of a slope, relative to its terms.
+// Values up to which it may be rounding: a pivot; a component of a line; a slope, relative to b and x.
 template <class R> constexpr double DEPENDENT = 1e-11;
 template <class R> constexpr double UNMOVED = 1e-14;
 template <> inline constexpr double DEPENDENT<DD> = 1e-29;
@@ -169,17 +169,14 @@ Minimum<R> minimise(const std::vector<R>& A, const std::vector<R>& b, const std:
   for (size_t turn = 0; turn < 50 * n + 200; ++turn) {
     int entering = -1;
     R most{};
+    double size = 0;  // of A x at most, because no element of A is greater than 1
+    for (int j : active.members) size += std::fabs(high(x[j]));
     for (int i : among) {
       if (active.has(i)) continue;
       R slope = b[i];
-      double terms = std::fabs(high(b[i]));
-      for (int j : active.members) {
-        R term = A[i * stride + j] * x[j];
-        slope = slope + term;
-        terms += std::fabs(high(term));
-      }
+      for (int j : active.members) slope = slope + A[i * stride + j] * x[j];
       bool is_less = turn < 20 * n + 100 ? less(slope, most) : entering < 0;
-      if (high(slope) < -UNMOVED<R> * terms && is_less) {
+      if (high(slope) < -UNMOVED<R> * (std::fabs(high(b[i])) + size) && is_less) {
         most = slope;
         entering = i;
       }

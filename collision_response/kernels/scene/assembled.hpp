@@ -34,19 +34,53 @@ inline Vector rounded(const DD* p, int count) {
   return out;
 }
 
+// A body as seen from its reference point, which is at x and moves with v. M^-1 = L L^T: a twist is L y, and |y| is its
+// size in the metric of kinetic energy.
 template <class T>
-struct Centre {  // a body as seen from its reference point, which is at x and moves with v
-  T numbers[CENTRE_COUNT], x[3], v[3];
+struct Centre {
+  T numbers[CENTRE_COUNT + 10], x[3], v[3];
+  double energy;
+  bool has_massless_spin;
+
+  explicit Centre(const double* body) {
+    T in[BODY];
+    const int exponent = exponent_of(body + IN_BODY_A_ORIENTATION_X, 4);
+    for (int i = 0; i < BODY; ++i) in[i] = Make<T>::constant(body[i]);
+    for (int i = IN_BODY_A_ORIENTATION_X; i < IN_BODY_A_ORIENTATION_X + 4; ++i)
+      in[i] = Make<T>::constant(std::ldexp(body[i], -exponent));
+    centre<T>(in, numbers, &energy, &has_massless_spin);
+    std::copy_n(in + IN_BODY_A_POSITION_X, 3, x);
+    std::copy_n(in + IN_BODY_A_VELOCITY_X, 3, v);
+  }
+  Centre() = default;
+
+  const T* com() const { return numbers + CENTRE_COM; }
+  // L: a force along each axis, and three moments.
+  const T& root() const { return numbers[CENTRE_COUNT]; }
+  const T* turn(int k) const { return numbers + CENTRE_COUNT + 1 + 3 * k; }
+
+  // row = L^T jacobian
+  void to_energy_metric(const T* jacobian, T* row) const {
+    const std::array<T, 3> of_centre = cross(com(), jacobian);
+    T moment[3];  // about the centre of mass
+    for (int k = 0; k < 3; ++k) moment[k] = jacobian[3 + k] - of_centre[k];
+    for (int k = 0; k < 3; ++k) {
+      row[k] = root() * jacobian[k];
+      row[3 + k] = turn(k)[0] * moment[0] + turn(k)[1] * moment[1] + turn(k)[2] * moment[2];
+    }
+  }
+  // twist = L y
+  void twist_of(const T* y, T* twist) const {
+    for (int j = 0; j < 3; ++j) twist[3 + j] = turn(0)[j] * y[3] + turn(1)[j] * y[4] + turn(2)[j] * y[5];
+    const std::array<T, 3> at_centre = cross(twist + 3, com());
+    for (int j = 0; j < 3; ++j) twist[j] = root() * y[j] - at_centre[j];
+  }
 };
 
 struct AssembledBody {
   double x[BODY];  // as given
-  double energy;
-  bool has_massless_spin;
   Centre<N> centre;
   Centre<double> centre_in_doubles;
-  // M^-1 = L L^T. A twist is L y, and |y| is its size in the metric of kinetic energy.
-  double root, turn[3][3], com[3];  // L: root is 1 / sqrt(m), turn is the part for moments
 
   bool is_movable() const { return x[0] < INFINITY; }
   bool moves() const {
@@ -58,34 +92,14 @@ struct AssembledBody {
 
   // Compute everything from x.
   void prepare() {
-    fill(centre);
-    fill(centre_in_doubles);
-    const double* numbers = centre_in_doubles.numbers;
-    root = std::sqrt(numbers[CENTRE_INVERSE_MASS]);
-    std::copy(numbers + CENTRE_COM, numbers + CENTRE_COM + 3, com);
-  }
-  // twist = L y
-  void twist_of(const double* y, double* twist) const {
-    for (int j = 0; j < 3; ++j) twist[3 + j] = turn[0][j] * y[3] + turn[1][j] * y[4] + turn[2][j] * y[5];
-    const Axes at_centre = cross(twist + 3, com);
-    for (int j = 0; j < 3; ++j) twist[j] = root * y[j] - at_centre[j];
+    centre = Centre<N>(x);
+    centre_in_doubles = Centre<double>(x);
   }
   template <class T>
-  void fill(Centre<T>& seen) {
-    T in[BODY];
-    Report<T> motion[10];
-    const double* orientation = x + IN_BODY_A_ORIENTATION_X;
-    const int exponent = exponent_of(orientation, 4);
-    for (int i = 0; i < BODY; ++i) in[i] = Make<T>::constant(x[i]);
-    for (int k = 0; k < 4; ++k)
-      in[IN_BODY_A_ORIENTATION_X + k] = Make<T>::constant(std::ldexp(orientation[k], -exponent));
-    ::centre<T>(in, seen.numbers, motion, &has_massless_spin);
-    energy = motion[0];
-    for (int i = 0; i < 9; ++i) turn[i / 3][i % 3] = motion[1 + i];
-    for (int k = 0; k < 3; ++k) {
-      seen.x[k] = in[IN_BODY_A_POSITION_X + k];
-      seen.v[k] = in[IN_BODY_A_VELOCITY_X + k];
-    }
+  decltype(auto) centre_in() const {
+    if constexpr (std::is_same_v<T, N>) return (centre);
+    else if constexpr (is_scalar<T>) return (centre_in_doubles);
+    else return Centre<T>(x);
   }
 };
 
@@ -98,47 +112,8 @@ inline double twist_size(const double* body, const double* twist) {
 
 // The relative velocity along one axis of a contact: velocity + row.y, for bodies whose twists changed by L y.
 template <class R>
-struct ContactAxisOf {
+struct ContactAxis {
   R row[2][6], velocity;
-};
-using ContactAxis = ContactAxisOf<double>;
-
-// A body in double-double. L is from a Cholesky factorisation of the inverse inertia.
-struct PreciseBody {
-  Centre<DD> centre;
-  DD root, turn[3][3], com[3];
-
-  explicit PreciseBody(const AssembledBody& body) {
-    const auto value_of = [](const N& x) { return value(x); };
-    std::transform(body.centre.numbers, body.centre.numbers + CENTRE_COUNT, centre.numbers, value_of);
-    std::transform(body.centre.x, body.centre.x + 3, centre.x, value_of);
-    std::transform(body.centre.v, body.centre.v + 3, centre.v, value_of);
-    std::copy(centre.numbers + CENTRE_COM, centre.numbers + CENTRE_COM + 3, com);
-    if (!body.is_movable()) return;
-    root = ::root(centre.numbers[CENTRE_INVERSE_MASS]);
-    DD inverse_inertia[3][3];
-    // The response to a unit moment, by a force along one axis and its lever arm.
-    for (int axis = 0; axis < 3; ++axis) {
-      const int arm = (axis + 1) % 3, force = (axis + 2) % 3;
-      DD in[CENTRE_COUNT + 9]{}, out[10];
-      std::copy(centre.numbers, centre.numbers + CENTRE_COUNT, in);
-      std::fill_n(in + CENTRE_COM, 3, DD{});
-      in[CENTRE_COUNT + 3 + arm] = DD{1, 0};
-      in[CENTRE_COUNT + 6 + force] = DD{1, 0};
-      column<DD>(in, out, nullptr, nullptr);
-      std::copy(out + 7, out + 10, inverse_inertia[axis]);
-    }
-    const double size = inverse_inertia[0][0].h + inverse_inertia[1][1].h + inverse_inertia[2][2].h;
-    for (int k = 0; k < 3; ++k) {
-      auto remainder = [&](int i) {
-        DD sum = inverse_inertia[i][k];
-        for (int j = 0; j < k; ++j) sum -= turn[j][i] * turn[j][k];
-        return sum;
-      };
-      const DD pivot = remainder(k);
-      for (int i = 0; i < 3; ++i) turn[k][i] = pivot.h > 0x1p-80 * size && i >= k ? remainder(i) / ::root(pivot) : DD{};
-    }
-  }
 };
 
 struct AssembledContact {
@@ -150,21 +125,25 @@ struct AssembledContact {
   // impulse.
   N jacobian[2][6], response[2][6];
   N velocity;  // normal velocity before the impact, times the length of the normal
-  ContactAxis axes[3];  // along the unit normal and two tangents
+  std::array<ContactAxis<double>, 3> axes;  // along the unit normal and two tangents
 
   // The unit normal and two tangents (Duff et al. 2017).
-  std::array<Axes, 3> unit_vectors() const { return unit_vectors(length); }
   template <class R>
-  std::array<std::array<R, 3>, 3> unit_vectors(const R& length) const {
-    const R x = constant<R>(normal[0]) / length, y = constant<R>(normal[1]) / length,
-            z = constant<R>(normal[2]) / length;
+  std::array<std::array<R, 3>, 3> unit_vectors() const {
+    const R by = length_in<R>(), x = constant<R>(normal[0]) / by, y = constant<R>(normal[1]) / by,
+            z = constant<R>(normal[2]) / by;
     const double side = high(x) < 0 ? -1 : 1;
     const R sign = constant<R>(side), c = constant<R>(-1) / (sign + x), d = y * z * c;
     return {{{x, y, z}, {-(sign * y), constant<R>(1) + sign * (y * y * c), sign * d}, {-z, d, sign + z * z * c}}};
   }
-  DD precise_length() const {
-    DD square{};
-    for (double n : normal) square += exact_product(n, n);
-    return root(square);
+  template <class R>
+  R length_in() const {
+    if constexpr (is_scalar<R>) {
+      return length;
+    } else {
+      R square{};
+      for (double n : normal) square += exact_product(n, n);
+      return root(square);
+    }
   }
 };

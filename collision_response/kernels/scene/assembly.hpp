@@ -34,26 +34,16 @@ struct Assembly {
     contact.copies = copies;
     contact.length = std::sqrt(contact.normal[0] * contact.normal[0] + contact.normal[1] * contact.normal[1] +
                                contact.normal[2] * contact.normal[2]);
-    N direction[3], velocity[2];
-    for (int k = 0; k < 3; ++k) direction[k] = exact(contact.normal[k]);
     const AssembledBody* both[2] = {&a, &b};
-    const double *v_a = a.x + IN_BODY_A_VELOCITY_X, *v_b = b.x + IN_BODY_A_VELOCITY_X;
-    const bool is_common = std::equal(v_a, v_a + 3, v_b);  // a common velocity cancels: leave out its rounding
-    for (int side = 0; side < 2; ++side) {
-      if (both[side]->rests()) {
-        velocity[side] = exact(0.0);
-        continue;
-      }
-      if (!both[side]->is_movable()) {
+    for (int side = 0; side < 2; ++side)
+      if (!both[side]->is_movable() && both[side]->moves()) {
         contact.wall[side] = static_cast<int>(walls.size());
         walls.push_back(*both[side]);
       }
-      Centre<N> centre = both[side]->centre;
-      if (is_common) std::fill_n(centre.v, 3, exact(0.0));
-      velocity[side] = column_of<N>(centre, contact, direction, side, contact.jacobian[side], contact.response[side]);
-    }
-    contact.velocity = velocity[0] - velocity[1];
-    add_axes(both, contact);
+    const N direction[] = {exact(contact.normal[0]), exact(contact.normal[1]), exact(contact.normal[2])};
+    contact.velocity = add_column(contact, direction, contact.jacobian, contact.response);
+    contact.axes = axes_of<double>(contact);
+    contact.axes[0].velocity = high(contact.velocity) / contact.length;
     contacts.push_back(contact);
     ++count;
   }
@@ -90,8 +80,8 @@ struct Assembly {
   bool is_finite() const {
     auto is_number = [](double x) { return std::isfinite(x); };
     auto is_sound = [&](const AssembledContact& contact) {
-      return is_number(contact.scale) && std::all_of(contact.axes, contact.axes + 3,
-                                                     [&](const ContactAxis& axis) { return is_number(axis.velocity); });
+      return is_number(contact.scale) && std::all_of(contact.axes.begin(), contact.axes.end(),
+                                                     [&](const auto& axis) { return is_number(axis.velocity); });
     };
     return std::all_of(contacts.begin(), contacts.end(), is_sound) && std::all_of(A.begin(), A.end(), is_number);
   }
@@ -116,29 +106,17 @@ struct Assembly {
            std::any_of(contacts.begin(), contacts.end(), may_approach);
   }
 
-  // AssembledContact::axes in double-double. `precise` are the movable bodies.
-  std::array<ContactAxisOf<DD>, 3> precise_axes(const AssembledContact& contact,
-                                                const std::vector<PreciseBody>& precise) const {
-    std::array<ContactAxisOf<DD>, 3> axes{};
-    const auto unit_vectors = contact.unit_vectors(contact.precise_length());
-    const AssembledBody* both[2];  // nullptr: at rest and immovable
-    for (int side = 0; side < 2; ++side)
-      both[side] = contact.body[side] >= 0   ? &bodies[contact.body[side]]
-                   : contact.wall[side] >= 0 ? &walls[contact.wall[side]]
-                                             : nullptr;
-    const bool is_common = both[0] && both[1] &&
-                           std::equal(both[0]->x + IN_BODY_A_VELOCITY_X, both[0]->x + IN_BODY_A_VELOCITY_X + 3,
-                                      both[1]->x + IN_BODY_A_VELOCITY_X);
-    for (int side = 0; side < 2; ++side) {
-      if (!both[side]) continue;
-      PreciseBody body = contact.body[side] >= 0 ? precise[contact.body[side]] : PreciseBody(*both[side]);
-      if (is_common) std::fill_n(body.centre.v, 3, DD{});
-      for (int axis = 0; axis < 3; ++axis) {
-        DD jacobian[6], response[6];
-        const DD velocity = column_of<DD>(body.centre, contact, unit_vectors[axis].data(), side, jacobian, response);
-        axes[axis].velocity += side ? -velocity : velocity;
-        if (both[side]->is_movable()) to_energy_metric(body, jacobian, axes[axis].row[side]);
-      }
+  // What happens along the unit normal and two tangents of a contact, in the digits of R.
+  template <class R>
+  std::array<ContactAxis<R>, 3> axes_of(const AssembledContact& contact) const {
+    std::array<ContactAxis<R>, 3> axes{};
+    const auto directions = contact.unit_vectors<R>();
+    for (int axis = 0; axis < 3; ++axis) {
+      R jacobian[2][6], response[2][6];
+      axes[axis].velocity = add_column(contact, directions[axis].data(), jacobian, response);
+      for (int side = 0; side < 2; ++side)
+        if (contact.body[side] >= 0)
+          bodies[contact.body[side]].centre_in<R>().to_energy_metric(jacobian[side], axes[axis].row[side]);
     }
     return axes;
   }
@@ -190,55 +168,38 @@ struct Assembly {
   }
 
  private:
-  // row = L^T jacobian
-  template <class SomeBody, class R>
-  static void to_energy_metric(const SomeBody& body, const R* jacobian, R* row) {
-    const auto of_centre = cross(body.com, jacobian);
-    R moment[3];  // about the centre of mass
-    for (int k = 0; k < 3; ++k) moment[k] = jacobian[3 + k] - of_centre[k];
-    for (int k = 0; k < 3; ++k) {
-      row[k] = body.root * jacobian[k];
-      row[3 + k] = body.turn[k][0] * moment[0] + body.turn[k][1] * moment[1] + body.turn[k][2] * moment[2];
-    }
-  }
-
-  static void add_axes(const AssembledBody* const* both, AssembledContact& contact) {
-    const auto unit_vectors = contact.unit_vectors();
-    for (int axis = 0; axis < 3; ++axis) {
-      const double* direction = unit_vectors[axis].data();
-      double velocity[2] = {0, 0};
-      for (int side = 0; side < 2; ++side) {
-        const AssembledBody& body = *both[side];
-        if (body.rests()) continue;
-        double jacobian[6], response[6];
-        velocity[side] = column_of<double>(body.centre_in_doubles, contact, direction, side, jacobian, response);
-        if (body.is_movable()) to_energy_metric(body, jacobian, contact.axes[axis].row[side]);
-      }
-      contact.axes[axis].velocity = velocity[0] - velocity[1];
-    }
-    contact.axes[0].velocity = high(contact.velocity) / contact.length;
-  }
-
-  // The formula of physics/column.py for one body of a contact along a direction. Returns the velocity of the body.
+  // The formula of physics/column.py for both bodies of a contact, along a direction: returns the relative velocity, and
+  // sets the velocity by the twist of each body, and the twist by an impulse.
   template <class T>
-  static T column_of(const Centre<T>& body, const AssembledContact& contact, const T* direction, int side, T* jacobian,
-                     T* response) {
-    T in[CENTRE_COUNT + 9], out[10];
-    std::copy(body.numbers, body.numbers + CENTRE_COUNT, in);
-    for (int k = 0; k < 3; ++k) {
-      in[CENTRE_COUNT + k] = body.v[k];
-      in[CENTRE_COUNT + 3 + k] = Make<T>::constant(contact.point[k]) - body.x[k];
-      in[CENTRE_COUNT + 6 + k] = direction[k];
+  T add_column(const AssembledContact& contact, const T* direction, T (&jacobian)[2][6], T (&response)[2][6]) const {
+    const AssembledBody* both[2];  // nullptr: at rest and immovable
+    for (int side = 0; side < 2; ++side)
+      both[side] = contact.body[side] >= 0   ? &bodies[contact.body[side]]
+                   : contact.wall[side] >= 0 ? &walls[contact.wall[side]]
+                                             : nullptr;
+    constexpr int V = IN_BODY_A_VELOCITY_X;
+    // A common velocity cancels: leave out its rounding.
+    const bool is_common = both[0] && both[1] && std::equal(both[0]->x + V, both[0]->x + V + 3, both[1]->x + V);
+    T velocity[2] = {};
+    for (int side = 0; side < 2; ++side) {
+      if (!both[side]) continue;
+      const auto& centre = both[side]->template centre_in<T>();
+      T in[CENTRE_COUNT + 9]{}, out[10];
+      std::copy(centre.numbers, centre.numbers + CENTRE_COUNT, in);
+      if (!is_common) std::copy(centre.v, centre.v + 3, in + CENTRE_COUNT);
+      for (int k = 0; k < 3; ++k) in[CENTRE_COUNT + 3 + k] = Make<T>::constant(contact.point[k]) - centre.x[k];
+      std::copy(direction, direction + 3, in + CENTRE_COUNT + 6);
+      column<T>(in, out, nullptr, nullptr);
+      velocity[side] = out[0];
+      std::copy(direction, direction + 3, jacobian[side]);
+      std::copy(out + 1, out + 4, jacobian[side] + 3);
+      std::copy(out + 4, out + 10, response[side]);
+      for (int k = 0; side && k < 6; ++k) {  // body_b gets the opposite
+        jacobian[side][k] = -jacobian[side][k];
+        response[side][k] = -response[side][k];
+      }
     }
-    column<T>(in, out, nullptr, nullptr);
-    std::copy(direction, direction + 3, jacobian);
-    std::copy(out + 1, out + 4, jacobian + 3);
-    std::copy(out + 4, out + 10, response);
-    for (int k = 0; side && k < 6; ++k) {  // body_b gets the opposite
-      jacobian[k] = -jacobian[k];
-      response[k] = -response[k];
-    }
-    return out[0];
+    return velocity[0] - velocity[1];
   }
 
   // Find a velocity that separates all contacts, in the digits of R: the least d with N^T d >= 1, scaled. Whether it
@@ -246,7 +207,6 @@ struct Assembly {
   template <class R>
   bool find_separating_velocity(const std::vector<R>& matrix) {
     const Minimum<R> minimum = minimise(matrix, std::vector<R>(count, constant<R>(-1)), all_contacts());
-    if (minimum.status != MinimumStatus::FOUND) return false;
     std::vector<DD> d(count);
     for (int i = 0; i < count; ++i) d[i] = lifted<DD>(minimum.x[i] * constant<R>(contacts[i].scale));
     std::vector<N> twists = twist_changes(d.data());

@@ -83,8 +83,8 @@ struct Cluster {
         assembly.has_moving_wall = assembly.has_moving_wall || given[i].moves();
         continue;
       }
-      energy += given[i].energy;
-      has_massless_spin = has_massless_spin || given[i].has_massless_spin;
+      energy += given[i].centre_in_doubles.energy;
+      has_massless_spin = has_massless_spin || given[i].centre_in_doubles.has_massless_spin;
       assembly.bodies.push_back(given[i]);
     }
     assembly.contacts.reserve(parts.contacts.size());

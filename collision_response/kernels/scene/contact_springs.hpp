@@ -42,7 +42,7 @@ struct ContactSprings {
     speed /= unit;
     mass = 0;
     for (AssembledContact& contact : assembly.contacts)
-      for (ContactAxis& axis : contact.axes) {
+      for (auto& axis : contact.axes) {
         axis.velocity /= unit;
         for (auto& side : axis.row)
           for (double& x : side) x *= root;
@@ -328,7 +328,7 @@ struct ContactSprings {
     Assembly at_rest = assembly;
     for (int i = 0; i < count; ++i) {
       load[i] = std::fmax(now.P[i][0], 0);
-      for (ContactAxis& axis : at_rest.contacts[i].axes) axis.velocity = 0;
+      for (auto& axis : at_rest.contacts[i].axes) axis.velocity = 0;
       const double most = assembly.contacts[i].mu * load[i] * (1 + 0x1p-30);
       are_in_cones = are_in_cones && now.P[i][0] >= 0 && std::hypot(now.P[i][1], now.P[i][2]) <= most;
     }

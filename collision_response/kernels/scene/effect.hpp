@@ -13,7 +13,7 @@ inline double norm_ratio(const AssembledBody& body) {
   const bool is_diagonal = x[2] == 0 && x[3] == 0 && x[5] == 0;
   double least = INFINITY, inverse = 0;  // the least moment that is not 0; the sum of the inverses of the moments
   for (int k = 0; k < 3; ++k) {
-    const double* turn = body.turn[k];
+    const double* turn = body.centre_in_doubles.turn(k);
     double square = turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2];
     inverse += square;
     if (square > 0) least = std::fmin(least, moments[k]);
@@ -89,13 +89,13 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
   for (int b = 0; b < assembly.body_count; ++b) {
     const double* body = assembly.bodies[b].x;
     double* change = &effect.changes[6 * b];
-    if (has_friction) assembly.bodies[b].twist_of(&by_friction.y[6 * b], change);
+    if (has_friction) assembly.bodies[b].centre_in_doubles.twist_of(&by_friction.y[6 * b], change);
     for (int k = 0; k < 6; ++k) change[k] += high(sums[6 * b + k]);
-    AssembledBody moved = assembly.bodies[b];
-    for (int k = 0; k < 6; ++k) moved.x[IN_BODY_A_VELOCITY_X + k] += change[k];
-    moved.fill(moved.centre_in_doubles);
-    effect.energies[0] += assembly.bodies[b].energy;
-    effect.energies[1] += moved.energy;
+    double moved[BODY];
+    std::copy(body, body + BODY, moved);
+    for (int k = 0; k < 6; ++k) moved[IN_BODY_A_VELOCITY_X + k] += change[k];
+    effect.energies[0] += assembly.bodies[b].centre_in_doubles.energy;
+    effect.energies[1] += Centre<double>(moved).energy;
     double lost[6];
     for (int k = 0; k < 6; ++k)
       lost[k] = width(sums[6 * b + k]) +
@@ -103,13 +103,13 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
     largest = std::fmax(largest, twist_size(body, change));
     rounding = std::fmax(rounding, twist_size(body, lost));
     worst = std::fmax(worst, error * norm_ratio(assembly.bodies[b]));
-    std::copy_n(moved.x + IN_BODY_A_VELOCITY_X, 6, &effect.twists[6 * b]);
+    std::copy_n(moved + IN_BODY_A_VELOCITY_X, 6, &effect.twists[6 * b]);
   }
   std::vector<N> u;
   if (!has_friction) u = assembly.velocities(p);
   double fastest = 0, greatest = 0;
   for (int i = 0; i < count; ++i) {
-    const ContactAxis* axes = assembly.contacts[i].axes;
+    const auto& axes = assembly.contacts[i].axes;
     fastest = std::fmax(fastest, std::hypot(axes[0].velocity, axes[1].velocity, axes[2].velocity));
     greatest = std::fmax(greatest, p[i].h * assembly.contacts[i].length);
   }
@@ -126,7 +126,7 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
     double speed = std::hypot(u_after[1], u_after[2]), back = u_before[1] * u_after[1] + u_before[2] * u_after[2];
     double friction = std::hypot(P[i][1], P[i][2]), most = contact.mu * p[i].h * contact.length;
     if (has_friction) {
-      const auto directions = contact.unit_vectors();
+      const auto directions = contact.unit_vectors<double>();
       for (int k = 0; k < 3; ++k) impulse[k] += P[i][1] * directions[1][k] + P[i][2] * directions[2][k];
     }
     // By rounding, and by the least double.

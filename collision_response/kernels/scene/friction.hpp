@@ -63,8 +63,8 @@ constexpr double UNLOADED = 0x1p-80, UNSHARED = 1e-10;
 // A contact as a cone, with impulses in units that make n.K n of every contact 1, and velocities in units of `speed`.
 // `mean` is the mean of 1 / (n.K n) of unit normals.
 template <class R>
-typename Cones<R>::Cone cone_of(const AssembledContact& contact, const ContactAxisOf<R>* axes, double speed,
-                                double mean) {
+typename Cones<R>::Cone cone_of(const AssembledContact& contact, const std::array<ContactAxis<R>, 3>& axes,
+                                double speed, double mean) {
   typename Cones<R>::Cone cone;
   double unit = contact.scale * contact.length;
   for (int side = 0; side < 2; ++side) {
@@ -93,17 +93,15 @@ constexpr double ACCEPTED_IN_DOUBLES = 1e-6;  // a bound on the error of y: no n
 inline double solve_in_double_double(const Assembly& assembly, const std::vector<int>& loaded, const std::vector<DD>& p,
                                      double speed, double mean, Cones<double>& programme, double error) {
   Cones<DD> precise(assembly.body_count);
-  const std::vector<PreciseBody> bodies(assembly.bodies.begin(), assembly.bodies.end());
   for (int i : loaded)
-    precise.cones.push_back(
-        cone_of(assembly.contacts[i], assembly.precise_axes(assembly.contacts[i], bodies).data(), speed, mean));
+    precise.cones.push_back(cone_of(assembly.contacts[i], assembly.axes_of<DD>(assembly.contacts[i]), speed, mean));
   for (double load : programme.loads) precise.loads.push_back({load, 0});
   precise.normals = programme.normals;
   const std::vector<N> changes = assembly.twist_changes(p.data());
   for (size_t k = 0; k < programme.kept_velocities.size(); ++k) {
     const AssembledContact& contact = assembly.contacts[loaded[k]];
     precise.kept_velocities.push_back(contact.scale * contact.length *
-                                      value(assembly.velocity_change(contact, changes)) / contact.precise_length() /
+                                      value(assembly.velocity_change(contact, changes)) / contact.length_in<DD>() /
                                       speed);
   }
   precise.prepare();

@@ -8,7 +8,7 @@ from typing import Any
 
 from ... import geometry, validity
 from ...impact import Changes, evaluate_law, impact
-from ...numbers.operations import choose, numbers_in
+from ...numbers.operations import choose, numbers_in, square_root
 from ...physics.column import Column
 from ...physics.effective_mass import BodyAtContact, ContactKinematics, ContactNumbers
 from ...physics.energy import kinetic_energy
@@ -141,9 +141,9 @@ def fallback_header() -> str:
 def column_header() -> str:
     """What scenes compute of one body: ``centre`` without a contact, then ``column`` at a contact.
 
-    ``centre`` gives the body as seen from its reference point, its kinetic energy, and the roots of its
-    inverse inertia in world axes. ``column`` takes the first of these, and the velocity, lever arm and
-    direction at a contact.
+    ``centre`` gives the body as seen from its reference point, then the roots of its inverse mass and of its
+    inverse inertia in world axes; and its kinetic energy. ``column`` takes the first of these, and the
+    velocity, lever arm and direction at a contact.
     """
     tape = Tape()
     body = kernel_inputs(Layout.EVERYTHING, tape).body_a
@@ -151,10 +151,11 @@ def column_header() -> str:
     centre = BodyAtContact.of(body, body.position)
     has_massless_spin = tape.symbol(centre.massless_spin.dot(centre.massless_spin) > 0)
     numbers = tape.symbols(centre)
-    bounded = list(map(_as_number, numbers))
-    roots = map(centre.rotation.to_world, centre.inverse_tensor.square_root_columns())
-    reported = tape.symbols((kinetic_energy(body), *roots))
-    text = emit("centre", names, bounded, reported, [has_massless_spin])
+    turns = map(centre.rotation.to_world, centre.inverse_tensor.square_root_columns())
+    roots = tape.symbols((square_root(centre.inverse_mass), *turns))
+    bounded = [*map(_as_number, numbers), *roots]
+    energy = tape.symbols((kinetic_energy(body),))
+    text = emit("centre", names, bounded, energy, [has_massless_spin])
 
     tape, count = Tape(), len(numbers)
     inputs = [f"x{i}" for i in range(count + 9)]
