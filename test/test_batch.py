@@ -326,6 +326,7 @@ def invalid_arguments() -> list[tuple[str, dict]]:
         ("out.error_bound: must be float64", {"out": out, "model": ImpactModel(tolerance=1e-6)}),
         ("out.error_bound: must be None", {"out": out._replace(error_bound=np.empty(N))}),
         ("out.velocity: must be float64 of shape (3, 2, 300)", {"out": columns(out, slice(5))}),
+        ("out.status: must be uint8 of shape (300,), is [1, 1]", {"out": out._replace(status=[1, 1])}),
         (
             "out: must be None for arrays of dask",
             {"bodies": da.from_array(bodies), "contacts": da.from_array(contacts), "out": out},

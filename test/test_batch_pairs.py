@@ -202,6 +202,15 @@ def test_out_may_not_overlap_the_input():
         )
 
 
+def test_out_may_not_overlap_input_that_is_not_contiguous():
+    table, pairs, contacts = crowded_table(contacts=24)
+    out, contacts = resolve_batch(table, contacts, pairs=pairs), np.asfortranarray(contacts)
+    given = contacts.copy()
+    with pytest.raises(ValueError, match="out: overlaps the input"):
+        resolve_batch(table, contacts, pairs=pairs, out=out._replace(impulse=contacts[:3]))
+    np.testing.assert_array_equal(contacts, given)
+
+
 @pytest.mark.parametrize("make", [array_api_strict.asarray])
 def test_arrays_of_other_libraries(make):
     table, pairs, contacts = crowded_table()

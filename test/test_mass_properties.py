@@ -134,6 +134,14 @@ def test_integers_beyond_float64_are_refused_by_name(solid, mass, power):
 
 
 @pytest.mark.parametrize("solid", CONSTRUCTORS)
+@pytest.mark.parametrize("integer", [np.int8, np.uint8, np.int16])
+def test_integers_of_numpy_do_not_overflow(solid, integer):
+    assert solid(integer(100), integer(20)) == solid(100, 20)
+    tensor = np.array([[100, 90, 0], [90, 100, 0], [0, 0, 120]])
+    assert Body.dynamic(1.0, tensor.astype(integer)).inertia == Body.dynamic(1.0, tensor.tolist()).inertia
+
+
+@pytest.mark.parametrize("solid", CONSTRUCTORS)
 @pytest.mark.parametrize("size", [True, np.True_, "1", None, 1j, [1.0]])
 def test_a_size_must_be_a_real_number(solid, size):
     with pytest.raises(TypeError, match=r"^(radius|size\.x|length): must be a real number, is "):

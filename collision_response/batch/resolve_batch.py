@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from itertools import combinations
+from itertools import combinations, product
 from numbers import Integral
 from typing import Any, TypeVar
 
@@ -39,7 +39,7 @@ from .dask_arrays import resolve_lazily
 from .one_by_one import resolve_one_by_one
 from .other_arrays import as_numpy, converter_like, is_lazy, library_of
 from .pairs import as_pairs
-from .plan import BatchPlan, BatchRequest
+from .plan import BatchRequest
 from .result import BatchResult
 
 Array = np.ndarray[Any, Any]
@@ -156,7 +156,7 @@ def resolve_with_pauses(
     columns = start, n if stop is None else min(stop, n)
     worst = _run(request, request.plan.number_type, out, workers, *columns)
     if worst is None:  # an array is not contiguous, does not fit, or shares memory with another
-        _check_out(request.plan, n, out)
+        _check_out(request, n, out)
         request = request.contiguous()
         target = out.mapped(lambda array: np.empty_like(array, order="C"))
         worst = _run(request, request.plan.number_type, target, workers, *columns)
@@ -244,18 +244,21 @@ def run_in_parts(work: Callable[[int, int], T], start: int, stop: int, threads: 
         return list(pool.map(work, cuts, [*cuts[1:], stop]))
 
 
-def _check_out(plan: BatchPlan, n: int, out: BatchResult) -> None:
+def _check_out(request: BatchRequest, n: int, out: BatchResult) -> None:
     """Raises: ValueError: if an array has the wrong shape or type, or shares memory with another."""
-    fields = plan.result_fields(n, out.regime is not None)
+    fields = request.plan.result_fields(n, out.regime is not None)
     for name, array, expected in zip(BatchResult._fields, out, fields, strict=True):
-        found = None if array is None else (array.shape, array.dtype)
+        found = (array.shape, array.dtype) if isinstance(array, np.ndarray) else array
         if found != expected:
             raise ValueError(f"out.{name}: must be {_described(expected)}, is {_described(found)}")
     given = [(name, array) for name, array in zip(BatchResult._fields, out, strict=True) if array is not None]
     for (one, first), (other, second) in combinations(given, 2):
         if np.shares_memory(first, second):
             raise ValueError(f"out.{other}: must have memory of its own, shares that of out.{one}")
+    for (_, written), table in product(given, request[1:]):
+        if table is not None and np.shares_memory(written, table):
+            raise ValueError("out: overlaps the input")
 
 
-def _described(array: tuple[tuple[int, ...], np.dtype[Any]] | None) -> str:
-    return "None" if array is None else f"{array[1]} of shape {array[0]}"
+def _described(array: Any) -> str:
+    return f"{array[1]} of shape {array[0]}" if isinstance(array, tuple) else format_value(array)

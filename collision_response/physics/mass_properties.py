@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
+from numbers import Integral
 from typing import Any, NamedTuple, ParamSpec
 
 from ..numbers.operations import Scalar
@@ -80,7 +81,7 @@ def _within_float64(solid: Callable[P, MassProperties]) -> Callable[P, MassPrope
 @_within_float64
 def sphere(mass: Scalar, radius: Scalar) -> MassProperties:
     """A solid sphere."""
-    _check(mass=mass, radius=radius)
+    mass, radius = _checked(mass=mass, radius=radius)
     moment = 2 * mass * radius * radius / 5
     return _principal(mass, moment, moment, moment)
 
@@ -88,7 +89,7 @@ def sphere(mass: Scalar, radius: Scalar) -> MassProperties:
 @_within_float64
 def hollow_sphere(mass: Scalar, radius: Scalar) -> MassProperties:
     """A thin spherical shell."""
-    _check(mass=mass, radius=radius)
+    mass, radius = _checked(mass=mass, radius=radius)
     moment = 2 * mass * radius * radius / 3
     return _principal(mass, moment, moment, moment)
 
@@ -96,8 +97,8 @@ def hollow_sphere(mass: Scalar, radius: Scalar) -> MassProperties:
 @_within_float64
 def box(mass: Scalar, size: Sequence[Scalar]) -> MassProperties:
     """A solid box with edges ``size = (x, y, z)`` [m] along the axes."""
-    edges = as_vector("size", size)
-    _check(mass=mass, **{f"size.{axis}": edge for axis, edge in edges._asdict().items()})
+    sizes = {f"size.{axis}": edge for axis, edge in as_vector("size", size)._asdict().items()}
+    mass, *edges = _checked(mass=mass, **sizes)
     xx, yy, zz = (edge * edge for edge in edges)
     return _principal(mass, mass * (yy + zz) / 12, mass * (xx + zz) / 12, mass * (xx + yy) / 12)
 
@@ -105,7 +106,7 @@ def box(mass: Scalar, size: Sequence[Scalar]) -> MassProperties:
 @_within_float64
 def cylinder(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
     """A solid cylinder about the z axis."""
-    _check(mass=mass, radius=radius, length=length)
+    mass, radius, length = _checked(mass=mass, radius=radius, length=length)
     transverse = mass * (3 * radius * radius + length * length) / 12
     return _principal(mass, transverse, transverse, mass * radius * radius / 2)
 
@@ -113,7 +114,7 @@ def cylinder(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
 @_within_float64
 def capsule(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
     """A solid cylinder about the z axis with a half ball at each end; ``length`` is without them [m]."""
-    _check(mass=mass, radius=radius, length=length)
+    mass, radius, length = _checked(mass=mass, radius=radius, length=length)
     total = 3 * length + 4 * radius  # volume of the cylinder and of the ends, over pi r^2 / 3
     if total == 0:
         raise ValueError("a capsule must have a radius or a length above 0")
@@ -126,7 +127,7 @@ def capsule(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
 @_within_float64
 def cone(mass: Scalar, radius: Scalar, height: Scalar) -> MassProperties:
     """A solid cone about the z axis; its base lies height/4 below the centre of mass, its tip above."""
-    _check(mass=mass, radius=radius, height=height)
+    mass, radius, height = _checked(mass=mass, radius=radius, height=height)
     transverse = 3 * mass * (4 * radius * radius + height * height) / 80
     return _principal(mass, transverse, transverse, 3 * mass * radius * radius / 10)
 
@@ -151,7 +152,7 @@ def mesh(mass: Scalar, shape: Any) -> MassProperties:
         ValueError: if the mesh is not closed, or is inside out, or the mass is negative.
         TypeError: if ``shape`` is not a mesh, or the mass not a number.
     """
-    _check(mass=mass)
+    (mass,) = _checked(mass=mass)
     if not all(hasattr(shape, name) for name in ("is_watertight", "is_winding_consistent", "triangles")):
         raise TypeError(f"shape: must be a mesh of trimesh, is {shape!r}")
     if not (shape.is_watertight and shape.is_winding_consistent and len(shape.triangles)):
@@ -191,17 +192,19 @@ def _no_volume() -> ValueError:
 @_within_float64
 def rod(mass: Scalar, length: Scalar) -> MassProperties:
     """A thin rod along the x axis, without inertia about that axis."""
-    _check(mass=mass, length=length)
+    mass, length = _checked(mass=mass, length=length)
     transverse = mass * length * length / 12
     return _principal(mass, transverse * 0, transverse, transverse)
 
 
-def _check(**numbers: Scalar) -> None:
+def _checked(**numbers: Scalar) -> list[Scalar]:
+    """Return the numbers, with integers as Python's, because those of NumPy overflow."""
     for name, x in numbers.items():
         if type(x).__name__.startswith("bool") or not hasattr(x, "__float__"):
             raise TypeError(f"{name}: must be a real number, is {x!r}")
         if x < 0:
             raise ValueError(f"{name}: must be at least 0, is {format_value(x, str)}")
+    return [int(x) if isinstance(x, Integral) else x for x in numbers.values()]
 
 
 def _principal(mass: Scalar, xx: Scalar, yy: Scalar, zz: Scalar) -> MassProperties:

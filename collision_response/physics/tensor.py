@@ -48,7 +48,7 @@ class Symmetric3(NamedTuple):
         def mean(i: int, j: int) -> Scalar:
             if abs(values[i][j] - values[j][i]) > allowed:
                 raise ValueError(f"must be symmetric, is {values}")
-            return (values[i][j] + values[j][i]) / 2
+            return values[i][j] + (values[j][i] - values[i][j]) / 2  # a sum may overflow
 
         return cls(values[0][0], mean(0, 1), mean(0, 2), values[1][1], mean(1, 2), values[2][2])
 
