@@ -347,3 +347,18 @@ def test_threads_do_not_change_each_others_precision():
         together = list(pool.map(lambda collision: resolve(*collision, model), collisions))
     assert together == alone
     assert ctx.prec == 53
+
+
+@pytest.mark.parametrize("law", [law for law in Law if law is not Law.AUTO])
+@pytest.mark.parametrize("q", [(2, 1, 1, 0), (1, 2, 0, 1), (2, -1, 1, 2), (1, 1, 1, 0)])
+def test_bodies_that_touch_exactly_are_separating(q, law):
+    """A rod turns about the normal, in one plane with the contact: thirds and fifths cancel to 0."""
+    x, y, z, w = q
+    along_rod = (x * x - y * y - z * z + w * w, 2 * (x * y + w * z), 2 * (x * z - w * y))
+    contact = Contact.of((*along_rod[:2], along_rod[2] - 0.25), (0, 0, 1), 0.5, 0.3)
+    for com in ((0, 0, 0), (0.5, 0, 0)):
+        rod = Body.dynamic(1.0, (0, 0, 0, 1, 0, 1), orientation=q, angular_velocity=(0, 0, 3), com=com)
+        for precision in (Precision.AUTO, Precision.EXTENDED):
+            touch = resolve(rod, Body.static(), contact, ImpactModel(law, precision=precision))
+            assert (touch.status, touch.error_bound, *touch.impulse) == (StatusCode.SEPARATING, 0, 0, 0, 0)
+            assert (touch.twist_a.linear, touch.twist_a.angular) == (rod.velocity, rod.angular_velocity)

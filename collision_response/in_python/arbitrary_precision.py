@@ -23,7 +23,7 @@ from ..numbers.operations import numbers_in
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import PATHS, STEPPED, Regime, Settings
-from .request_numbers import read_request
+from .request_numbers import body_as_fractions, contact_as_fractions, read_request
 
 BITS = tuple(2**k for k in range(7, 15))
 """The precisions to try. With the last, a product of three float64 numbers of any magnitude is exact."""
@@ -54,12 +54,10 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     """Answer a valid request to within one unit in the last place of float64, if any number of digits can.
 
     Returns:
-        The answer; or ``None`` if python-flint is not installed, if a number of the answer is beyond float64,
-        or if the law integrates a path in steps. More digits do not make such a path more exact, but they
-        still decide whether the bodies separate, in which case there is no path.
+        The answer; or ``None`` if a number of it is beyond float64, or, unless the bodies separate, if
+        python-flint is not installed or the law integrates a path in steps. More digits do not make such a
+        path more exact, but they still decide whether there is one.
     """
-    if not balls.AVAILABLE:
-        return None
     request = body_a, body_b, contact
     a, b, plain_contact = read_request(*request)
     plan = plan_model(model)
@@ -68,7 +66,7 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     geometry = geometry_for(model.geometry, a, b, plain_contact, frictionless=frictionless)
     used_model = model._replace(law=law, geometry=geometry, precision=Precision.EXTENDED)
     best, is_stuck = Attempt(None, math.inf), False
-    for bits in BITS:
+    for bits in BITS if balls.AVAILABLE else ():
         attempt = _attempt(request, used_model, plan, bits)
         if attempt.answer is None:
             if attempt.bound < math.inf:
@@ -79,6 +77,8 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
             best = attempt
         if attempt.bound <= SMALL_ENOUGH or (attempt.bound < math.inf and is_stuck):
             break
+    if not best.bound < math.inf:
+        best = _exact_if_separating(request) or best
     if best.answer is None:
         return None
     used_contact = contact._replace(friction=0.0) if frictionless else contact
@@ -103,6 +103,20 @@ def _attempt(request: tuple[Body, Body, Contact], model: ImpactModel, plan: Mode
     if not math.isfinite(rounded_bound) and isinstance(separating, Undecided):
         rounded = rounded._replace(report=rounded.report._replace(regime=Regime.SEPARATING))
     return Attempt(rounded, bound, rounded_bound)
+
+
+def _exact_if_separating(request: tuple[Body, Body, Contact]) -> Attempt | None:
+    """Return the answer if the bodies do not approach, and ``None`` if they do, or if it is beyond float64.
+
+    No number of digits shows that they touch exactly; fractions do.
+    """
+    body_a, body_b, contact = request
+    bodies = body_as_fractions(body_a), body_as_fractions(body_b)
+    answer = impact(*bodies, contact_as_fractions(contact), Law.FRICTIONLESS)
+    try:
+        return Attempt(answer.as_floats(), 0.0, 0.0) if answer.flags.separating else None
+    except OverflowError:
+        return None
 
 
 def _ball(x: float, error: float) -> Any:
