@@ -6,6 +6,8 @@ import gc
 import os
 import threading
 import weakref
+from contextlib import suppress
+from operator import attrgetter
 
 import pytest
 
@@ -13,16 +15,18 @@ pytest.importorskip("rclpy")
 
 from rclpy.context import Context
 from rclpy.exceptions import InvalidTopicNameException, ParameterException
-from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from ros_graph import ball, balls_meet, wait_until
 from rosgraph_msgs.msg import Clock
 
 from collision_response.msg import BodyState
+from collision_response.ros.answer_log import ResultPublisher
 from collision_response.ros.markers import ContactMarkers
 from collision_response.ros.node import CollisionResponseNode
 from collision_response.ros.sources import BodyStatePublisher
+from collision_response.ros.take_all import RCLError
 
 EXECUTORS = pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])
 
@@ -56,7 +60,7 @@ class Host:
         self.executor.shutdown()
         self.own.destroy_node()
         self.tested.destroy_node()
-        self.context.shutdown()
+        self.context.try_shutdown()
 
 
 @pytest.mark.parametrize("requests", [0, 50])
@@ -84,6 +88,24 @@ def test_an_executor_outlives_the_node(graph, kind, where, requests):
     before = host.calls
     host.spin_until(lambda: host.calls > before + 5)
     host.close()
+
+
+@pytest.mark.parametrize("end", ["tested.destroy_node", "context.shutdown"])
+def test_a_node_that_ends_after_an_answer_logs_no_error(graph, monkeypatch, capfd, end):
+    """As when another thread destroys it, or a signal handler shuts the context down."""
+    host, publish = Host(SingleThreadedExecutor, graph.namespace), ResultPublisher.publish
+
+    def end_before(publisher, result):
+        attrgetter(end)(host)()
+        publish(publisher, result)
+
+    monkeypatch.setattr(ResultPublisher, "publish", end_before)
+    future = graph.call_async(balls_meet())
+    with suppress(ExternalShutdownException, RCLError):  # of the executor
+        host.spin_until(future.done)
+    wait_until(future.done)
+    host.close()
+    assert "Traceback" not in capfd.readouterr().err
 
 
 @EXECUTORS

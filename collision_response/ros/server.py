@@ -123,6 +123,7 @@ class Server:
         after_sending: Callable[[], None],
         introspection: ServiceIntrospectionState,
     ) -> None:
+        self._context = node.context
         self._log = node.get_logger()
         self._counters = counters
         self._parameters = parameters
@@ -280,8 +281,11 @@ class Server:
     def _work_after_sending(self) -> None:
         try:
             self._after_sending()
+        except InvalidHandle:  # of a node that another thread destroys meanwhile
+            raise
         except Exception:  # the answer is sent, so there is nobody else to tell
-            self._log.error(traceback.format_exc(), throttle_duration_sec=WARNING_INTERVAL)
+            if self._context.ok():
+                self._log.error(traceback.format_exc(), throttle_duration_sec=WARNING_INTERVAL)
 
     def _note_sent(self, call: Call, status: StatusCode) -> None:
         call.clients.note_reached(call.client)
