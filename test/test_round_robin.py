@@ -78,9 +78,9 @@ def test_a_waiting_request_blocks_no_other_and_continues_when_woken():
     bench.turns.add("client", bench.job("next"))
     assert bench.run() == ["next"]
     assert bench.turns.is_waiting and len(bench.turns) == 1
-    bench.turns.resume_overdue()
+    bench.turns.resume(overdue_only=True)
     assert bench.run() == ["next"]
-    bench.turns.resume_all()
+    bench.turns.resume()
     assert bench.run() == ["next", "waits"]
 
 
@@ -89,7 +89,7 @@ def test_a_waiting_request_continues_when_its_time_is_up():
     bench.turns.add("client", bench.job("waits", until=10.0))
     bench.run()
     bench.now = 10.0
-    bench.turns.resume_overdue()
+    bench.turns.resume(overdue_only=True)
     assert bench.run() == ["waits"]
     assert not bench.turns.is_waiting
 
@@ -100,7 +100,7 @@ def test_waiting_requests_of_one_client_continue_in_order():
         bench.turns.add("client", bench.job(name, steps=2, until=10.0))
     bench.run()
     bench.turns.add("client", bench.job("next"))
-    bench.turns.resume_all()
+    bench.turns.resume()
     assert bench.run() == ["a0", "b0", "a1", "b1", "next"]
 
 
@@ -120,7 +120,7 @@ def test_requests_of_a_client_that_left_are_dropped_wherever_they_are():
     bench.turns.add("other", bench.job("other"))
     assert bench.turns.drop("gone") == 2
     assert bench.turns.drop("gone") == 0
-    bench.turns.resume_all()
+    bench.turns.resume()
     assert bench.run() == ["other"]
 
 

@@ -82,22 +82,15 @@ def main(arguments: list[str]) -> int:
         request = kind.Request()
         tree = load_yaml(_read() if given.request == "-" else given.request)
         fill(request, {} if tree is None else tree)  # an empty request has all defaults
-    except (InvalidRequest, YAMLError) as error:
+        service = given.service or f"/collision_response/{default}"
+        print(show(answer(kind, request, service, given.timeout)))
+    except (InvalidRequest, YAMLError, TimeoutError) as error:
         print(f"collision_response call: {error}", file=sys.stderr)
+        return 3 if isinstance(error, TimeoutError) else 2
+    except (NameValidationException, RCLError) as error:
+        at = "call: --service:" if isinstance(error, NameValidationException) else "call:"
+        print("collision_response", at, *str(error).split(), file=sys.stderr)  # on one line
         return 2
-    try:
-        response = answer(kind, request, given.service or f"/collision_response/{default}", given.timeout)
-    except TimeoutError as error:
-        print(f"collision_response call: {error}", file=sys.stderr)
-        return 3
-    except NameValidationException as error:
-        print("collision_response call: --service:", *str(error).split(), file=sys.stderr)  # on one line
-        return 2
-    except RCLError as error:
-        print("collision_response call:", *str(error).split(), file=sys.stderr)
-        return 2
-    try:
-        print(show(response))
     except ImpactError as error:
         print(f"{error.code}: {error}", file=sys.stderr)
         return 1

@@ -137,7 +137,7 @@ class CollisionResponseNode(Node):
         )
 
     def shut_down(self) -> None:
-        """Answer the requests that have arrived, destroy the node, and complete the recording.
+        """Answer the requests that have arrived, complete the recording, and destroy the node.
 
         The node must not be spun any more. All of this takes no longer than the parameter
         ``shutdown_timeout``. If the middleware hangs, the process then prints where it hangs and ends with
@@ -150,22 +150,19 @@ class CollisionResponseNode(Node):
             self.get_logger().warning(
                 f"{unanswered} requests are left without an answer: shutdown_timeout is {limit:g} s"
             )
-        self._destroy_node()
         if self._recorder is not None:
             self._recorder.close(max(0.0, start + 0.8 * limit - time.perf_counter()))
+        self.destroy_node()
         faulthandler.cancel_dump_traceback_later()
 
     def destroy_node(self) -> None:
         """Destroy the node, and complete the recording."""
-        self._destroy_node()
-        if self._recorder is not None:
-            self._recorder.close()
-
-    def _destroy_node(self) -> None:
         for waitable in [*self.waitables]:
             if isinstance(waitable, TakeAllWaitable):  # rclpy would leave it to the executor
                 self.remove_waitable(waitable)
         super().destroy_node()
+        if self._recorder is not None:
+            self._recorder.close()
 
     def _after_sending(self) -> None:
         self._answer_log.publish()

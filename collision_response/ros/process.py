@@ -129,12 +129,10 @@ def spin(node: Node, stop: Future[None]) -> None:
     """
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
-    woken = node.create_guard_condition(lambda: None)
-    stop.add_done_callback(lambda _: woken.trigger())
     try:
         while node.context.ok() and not stop.done():
             try:
-                executor.spin_once()
+                executor.spin_until_future_complete(stop)
             except ExternalShutdownException:
                 return
             except Exception:

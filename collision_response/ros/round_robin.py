@@ -5,6 +5,7 @@ A client with thousands of requests, or with one long request, does not keep the
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Hashable
@@ -91,14 +92,13 @@ class RoundRobin:
         if queue:
             self._queues[client] = queue
 
-    def resume_all(self) -> None:
-        """Let all jobs that wait go on."""
-        self._resume(lambda job: True)
-
-    def resume_overdue(self) -> None:
-        """Let the jobs go on that have waited until their deadline."""
-        now = self._clock()
-        self._resume(lambda job: job.deadline <= now)
+    def resume(self, *, overdue_only: bool = False) -> None:
+        """Let the jobs that wait go on: all, or only those that have waited until their deadline."""
+        latest = self._clock() if overdue_only else math.inf
+        resumed = [(client, job) for client, job in self._waiting if job.deadline <= latest]
+        self._waiting = [(client, job) for client, job in self._waiting if job.deadline > latest]
+        for client, job in reversed(resumed):
+            self._queues.setdefault(client, deque()).appendleft(job)
 
     def drop(self, client: Hashable) -> int:
         """Drop all jobs of a client without an answer, and return how many there were."""
@@ -118,7 +118,7 @@ class RoundRobin:
         Returns:
             Number of jobs that are left without an answer because time ran out.
         """
-        self.resume_all()
+        self.resume()
         jobs = [job for queue in self._queues.values() for job in queue]
         self._queues.clear()
         for number, job in enumerate(jobs):
@@ -126,12 +126,6 @@ class RoundRobin:
                 return len(jobs) - number
             job.refuse(error)
         return 0
-
-    def _resume(self, may_go_on: Callable[[Job], bool]) -> None:
-        resumed = [(client, job) for client, job in self._waiting if may_go_on(job)]
-        self._waiting = [(client, job) for client, job in self._waiting if not may_go_on(job)]
-        for client, job in reversed(resumed):
-            self._queues.setdefault(client, deque()).appendleft(job)
 
     def _run_step(self, client: Hashable, queue: deque[Job]) -> float:
         """Run one step of the first job in the queue, and return the time at its end."""

@@ -161,7 +161,7 @@ class Server:
     def states_arrived(self) -> None:
         """Go on with the requests that wait for states."""
         if self._jobs.is_waiting:
-            self._jobs.resume_all()
+            self._jobs.resume()
             self._serve()
 
     def drain(self, answering_time: float, refusing_time: float) -> int:
@@ -179,7 +179,7 @@ class Server:
         while clock() - start < answering_time and (self._jobs or clock() - last_arrival < QUIET_TIME):
             if sum(waitable.take_all() for waitable in self._waitables):
                 last_arrival = clock()
-            self._jobs.resume_overdue()
+            self._jobs.resume(overdue_only=True)
             if not self._jobs.is_ready:
                 time.sleep(WAIT_CHECK_INTERVAL)
             self._jobs.run_slice()
@@ -261,7 +261,7 @@ class Server:
                 self._overdue_timer.reset()
 
     def _serve_overdue(self) -> None:
-        self._jobs.resume_overdue()
+        self._jobs.resume(overdue_only=True)
         if not self._jobs.is_waiting:
             self._overdue_timer.cancel()
         self._serve()
