@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from decimal import Decimal
 from fractions import Fraction
 
+import numpy as np
 import pytest
 from refusals import refused
 
@@ -23,6 +25,7 @@ from collision_response import (
 from collision_response.derivatives import differentiate
 from collision_response.in_python.coefficients_at_speed import initial_slip_speed
 from collision_response.physics.friction import stribeck, tabulated
+from collision_response.physics.restitution import johnson, plastic, power_law, viscoelastic
 
 FLOOR = Body.static()
 ONCE = (Law.AUTO, Law.COULOMB, Law.MOREAU)
@@ -49,6 +52,24 @@ def test_stribeck_falls_from_the_static_to_the_kinetic_coefficient():
 def test_a_table_is_interpolated_and_may_exceed_1():
     mu = tabulated([0.5, 1.5], [2.0, 1.0])
     assert [mu(v) for v in (0.0, 0.5, 0.75, 1.5, 9.0)] == [2.0, 2.0, 1.75, 1.0, 1.0]
+
+
+@pytest.mark.parametrize("number", [Decimal, Fraction, np.float32, np.array])
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda x: stribeck(x(0.5), x(0.25), x(0.125)),
+        lambda x: tabulated([x(0.125), x(1.5)], [x(0.5), x(0.25)]),
+        lambda x: viscoelastic(x(0.125)),
+        lambda x: plastic(x(0.125)),
+        lambda x: johnson(x(0.125)),
+        lambda x: power_law(x(0.5), x(1.5), x(0.25)),
+    ],
+)
+def test_constants_may_be_numbers_of_every_type(make, number):
+    for v in (0.0, 0.1, 0.3, 2.0):
+        found = make(number)(v)
+        assert (type(found), found) == (float, make(float)(v))
 
 
 @pytest.mark.parametrize(

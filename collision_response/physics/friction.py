@@ -36,7 +36,7 @@ def stribeck(static: float, kinetic: float, speed: float) -> Friction:
             raise ValueError(f"{name} must be finite and not negative, is {value}")
     if not 0 < speed < math.inf:
         raise ValueError(f"speed must be positive and finite, is {speed}")
-    return partial(_stribeck, static, kinetic, speed)
+    return partial(_stribeck, float(static), float(kinetic), float(speed))
 
 
 def _stribeck(static: float, kinetic: float, speed: float, v: float) -> float:

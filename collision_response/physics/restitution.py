@@ -36,7 +36,7 @@ def viscoelastic(beta: float) -> Restitution:
     if not 0 <= beta < math.inf:
         raise ValueError(f"beta must be finite and not negative, is {beta}")
 
-    return partial(_viscoelastic, beta)
+    return partial(_viscoelastic, float(beta))
 
 
 def _viscoelastic(beta: float, v: float) -> float:
@@ -62,7 +62,7 @@ def plastic(yield_speed: float) -> Restitution:
     Raises:
         ValueError: if ``yield_speed`` is not positive and finite.
     """
-    return partial(_plastic, yield_speed, johnson(yield_speed))
+    return partial(_plastic, float(yield_speed), johnson(yield_speed))
 
 
 def _plastic(yield_speed: float, at_high_speed: Restitution, v: float) -> float:
@@ -97,7 +97,7 @@ def power_law(restitution: float, speed: float, exponent: float) -> Restitution:
         raise ValueError(f"speed must be positive and finite, is {speed}")
     if not 0 <= exponent < math.inf:
         raise ValueError(f"exponent must be finite and not negative, is {exponent}")
-    return partial(_power_law, restitution, speed, exponent)
+    return partial(_power_law, float(restitution), float(speed), float(exponent))
 
 
 def _power_law(restitution: float, speed: float, exponent: float, v: float) -> float:
@@ -136,7 +136,7 @@ def johnson(yield_speed: float) -> Restitution:
     """
     if not 0 < yield_speed < math.inf:
         raise ValueError(f"yield_speed must be positive and finite, is {yield_speed}")
-    return partial(_power_law, math.sqrt(6 * math.sqrt(3) / 5) * (24 / 5) ** -0.125, yield_speed, 0.25)
+    return partial(_power_law, math.sqrt(6 * math.sqrt(3) / 5) * (24 / 5) ** -0.125, float(yield_speed), 0.25)
 
 
 def tabulated(speeds: Sequence[float], values: Sequence[float], most: float = 1.0) -> Restitution:
@@ -161,7 +161,7 @@ def tabulated(speeds: Sequence[float], values: Sequence[float], most: float = 1.
         if not (0 <= value <= most and value < math.inf):
             raise ValueError(f"values must be finite and in [0, {most:g}], one is {value}")
 
-    return partial(_interpolated, speeds, values)
+    return partial(_interpolated, tuple(map(float, speeds)), tuple(map(float, values)))
 
 
 def _interpolated(speeds: Sequence[float], values: Sequence[float], v: float) -> float:
