@@ -141,6 +141,24 @@ def test_a_table_on_many_legs_is_not_pressed(first):
         assert not answer.adjustments
 
 
+@pytest.mark.parametrize("seed", range(10))
+def test_many_contacts_of_unequal_restitution_share_their_load(seed):
+    """Which share each has follows from impulses that have no effect, to the last of 32 digits."""
+    rng = random.Random(seed)
+    places = [(x / 8, y / 8) for x in (-3, -1, 0, 1, 3) for y in (-3, -1, 1, 3)]
+    contacts = [
+        Contact.of((x, y, -0.5), (rng.choice([0.0, 0.0, 0.125]), 0.0, length), rng.choice([0.0, 0.5, 1.0]))
+        for (x, y), length in zip(rng.sample(places, 11), rng.choices([1.0, 0.25, 7.0], k=11), strict=True)
+    ]
+    table = Body.box(1.0, (2.0, 2.0, 1.0), velocity=(0.25, 0.0, -1.0), angular_velocity=(0.5, 0.0, 0.0))
+    scene = Scene([table, Body.static()], [(0, 1)] * 11, contacts)
+    answer, exact = scene.resolve(), scene.in_fractions().resolve()
+    assert answer.error_bound < 1e-9
+    assert_within_bound(scene, answer, exact)
+    assert answer.contacts[0].restitution == pytest.approx(float(exact.contacts[0].restitution), abs=1e-9)
+    assert answer.regimes == exact.regimes
+
+
 @pytest.mark.parametrize("tilt", [1e-300, 1e-17, 1e-15, 1e-12, 1e-9, 1e-6])
 def test_contacts_that_almost_depend_on_each_other(tilt):
     """The fourth normal differs slightly from the others."""

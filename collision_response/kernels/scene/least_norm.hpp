@@ -5,10 +5,11 @@
 
 // A basis of the impulses that do next to nothing: one for each contact that depends on others, by pivots up to
 // `dependent`. Included are those whose effect, squared, is less than `most`. The sum of their effects is added to
-// `effect`, which knows them to doubles. `precise_effects`, if given, are those of each one to double-double, in the
-// norm of error_bound.
+// `effect`, which knows them to doubles. `are_exact`, if given, says whether they do nothing in double-double either.
 inline std::vector<Vector> null_impulses(const Assembly& assembly, double dependent, double most, double& effect,
-                                         Vector* precise_effects = nullptr) {
+                                         bool* are_exact = nullptr) {
+  constexpr double ROUNDING = 0x1p-90;  // relative to the effects of the single impulses, which cancel
+  constexpr int REFINEMENTS = 3;
   const int count = assembly.count;
   const std::vector<AssembledContact>& contacts = assembly.contacts;
   const Vector& A = assembly.A;
@@ -36,9 +37,10 @@ inline std::vector<Vector> null_impulses(const Assembly& assembly, double depend
     basis.line(i, w);
     z[i].h = scale[i];
     for (size_t m = 0; m < w.size(); ++m) z[basis.members[m]].h = -w[m] * scale[basis.members[m]];
-    // Doubles take its effect for 0: compute that in double-double, after one step of refinement.
-    double square = 0, precise = 0;
-    for (int turn = 0; turn < 2; ++turn) {
+    // Doubles take its effect for 0: compute that in double-double, and refine z until it is 0.
+    double square = 0;
+    bool is_exact = false;
+    for (int turn = 0;; ++turn) {
       std::vector<N> twists = assembly.twist_changes(z.data());
       N total = exact(0.0);
       for (int n = 0; assembly.has_moving_wall && n < count; ++n) total = total + contacts[n].velocity * exact(z[n]);
@@ -46,13 +48,14 @@ inline std::vector<Vector> null_impulses(const Assembly& assembly, double depend
       square = work * work * 1e-6;  // the velocities of walls are known to fewer digits
       for (int n = 0; n < count; ++n)
         if (z[n].h != 0) square += z[n].h * high(assembly.velocity_change(contacts[n], twists));
-      precise = std::fabs(work);
+      double size = std::fabs(work);  // of the effect, in the norm of error_bound
       for (int b = 0; b < assembly.body_count; ++b) {
         double rounded[6];
         for (int k = 0; k < 6; ++k) rounded[k] = high(twists[6 * b + k]);
-        precise += twist_size(assembly.bodies[b].x, rounded);
+        size += twist_size(assembly.bodies[b].x, rounded);
       }
-      if (turn) break;
+      is_exact = size <= ROUNDING * assembly.velocity_size(z.data());
+      if (is_exact || turn == REFINEMENTS) break;
       for (size_t m = 0; m < w.size(); ++m) {
         int j = basis.members[m];
         w[m] = -(high(assembly.velocity_change(contacts[j], twists)) + u[j] / contacts[j].scale * work) * scale[j];
@@ -64,18 +67,20 @@ inline std::vector<Vector> null_impulses(const Assembly& assembly, double depend
     if (!(std::fabs(square) < most)) continue;
     found.push_back(rounded(z.data(), count));
     effect += std::sqrt(std::fabs(square));
-    if (precise_effects) precise_effects->push_back(precise);
+    if (are_exact) *are_exact = *are_exact && is_exact;
   }
   return found;
 }
 
 // Replace p by the p + Z z >= 0 of least norm.
 inline void minimise_norm(const Assembly& assembly, Vector& p, bool over_copies, std::vector<Vector> Z) {
+  constexpr double ROUNDING = 0x1p-46;
   const int count = assembly.count;
-  Vector weight(count), P(count);
+  Vector weight(count), P(count), terms(count);  // terms: the sum of the sizes of what P is the sum of
   for (int i = 0; i < count; ++i) {
     weight[i] = assembly.contacts[i].length / (over_copies ? std::sqrt(assembly.contacts[i].copies) : 1);
     P[i] = p[i] * weight[i];
+    terms[i] = std::fabs(P[i]);
     for (Vector& z : Z) z[i] *= weight[i];
   }
   for (auto z = Z.begin(); z != Z.end(); ++z) {  // make Z orthonormal: twice is enough
@@ -84,10 +89,14 @@ inline void minimise_norm(const Assembly& assembly, Vector& p, bool over_copies,
     const double length = std::sqrt(dot(*z, *z));
     for (double& x : *z) {
       x /= length;
-      if (std::fabs(x) < 0x1p-46) x = 0;  // rounding
+      if (std::fabs(x) < ROUNDING) x = 0;
     }
   }
-  for (const Vector& z : Z) increase(P, -dot(z, P), z);
+  auto add = [&](double by, const Vector& z) {
+    increase(P, by, z);
+    for (int i = 0; i < count; ++i) terms[i] += std::fabs(by * z[i]);
+  };
+  for (const Vector& z : Z) add(-dot(z, P), z);
   // P + Z Z^T x >= 0, x >= 0: the dual is again a quadratic programme, scaled to a unit diagonal.
   auto rows = [&](int i, int j) {
     double sum = 0;
@@ -119,9 +128,9 @@ inline void minimise_norm(const Assembly& assembly, Vector& p, bool over_copies,
   for (const Vector& z : Z) {
     double along = 0;
     for (int i : among) along += z[i] * x[i] * s[i];
-    increase(P, along, z);
+    add(along, z);
   }
-  for (int i = 0; i < count; ++i) p[i] = x[i] > 0 ? 0 : std::fmax(P[i] / weight[i], 0);
+  for (int i = 0; i < count; ++i) p[i] = x[i] > 0 || P[i] <= ROUNDING * terms[i] ? 0 : P[i] / weight[i];
 }
 
 // Replace p by the impulses >= 0 of the same effect with the least sum of n.n p^2, over all copies of contacts if

@@ -63,8 +63,6 @@ struct Reflections {
   }
 
  private:
-  static constexpr double ROUNDING = 0x1p-90;  // an effect of impulses that may be 0, for a contact that has 1
-
   // The restitution of the cluster: sum e u q / sum u q over the contacts that approach, for the q of least norm. For
   // another q, e would depend on the order of the contacts.
   double joined_restitution(const Projection& first, double& error) const {
@@ -87,9 +85,10 @@ struct Reflections {
     for (int i = 0; i < assembly.count; ++i)
       if (!(high(after[i]) > width(after[i]) + first.error / assembly.contacts[i].scale)) pressed.push_back(i);
     if (are_equal(pressed)) return most;
-    Vector shared = rounded(q.data(), assembly.count), effects;
+    Vector shared = rounded(q.data(), assembly.count);
     double unused = 0;
-    const std::vector<Vector> Z = null_impulses(assembly, DEPENDENT<double>, 1e-26, unused, &effects);
+    bool is_exact = true;
+    const std::vector<Vector> Z = null_impulses(assembly, DEPENDENT<double>, 1e-26, unused, &is_exact);
     const bool is_unique = Z.empty();
     if (!is_unique) minimise_norm(assembly, shared, false, Z);
     // In units near the greatest, because the works may be out of the range of doubles.
@@ -128,7 +127,6 @@ struct Reflections {
     for (size_t k = 0; k < c.size(); ++k) square += high(c[k] * z[k]);
     double doubt = first.error / load * std::sqrt(square) / -high(below);
     // If impulses of Z do little, but not nothing, these contacts may not be free to share their load evenly.
-    const bool is_exact = std::all_of(effects.begin(), effects.end(), [](double size) { return size <= ROUNDING; });
     for (size_t k = 0; !is_exact && k < Z.size(); ++k) {
       double work = 0, size = 0;
       for (int i : pressed) {
