@@ -19,7 +19,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from reliability.child_process import ros_node
+from reliability.child_process import ros_node, service_client
 from reliability.processes import LARGE_DATA, Process, own_domain
 from timing import Samples, ratio, spread
 
@@ -129,22 +129,9 @@ class Clients:
     """Clients of one service of every server, in one node."""
 
     def __init__(self, node: Any, executor: Any, servers: Iterable[str], service: str, number: int) -> None:
-        from collision_response import srv
-        from collision_response.ros.server import SERVICE_QOS
-
         self._executor = executor
-        kind = {
-            "resolve_collision": srv.ResolveCollision,
-            "resolve_collision_batch": srv.ResolveCollisionBatch,
-        }
         self._clients = {
-            name: [
-                node.create_client(
-                    kind[service], f"/{name}/collision_response/{service}", qos_profile=SERVICE_QOS
-                )
-                for _ in range(number)
-            ]
-            for name in servers
+            name: [service_client(node, service, f"/{name}") for _ in range(number)] for name in servers
         }
 
     def wait(self) -> None:

@@ -78,15 +78,15 @@ NAMESPACE = "/reliability"
 """Namespace of the node under test."""
 
 
-def service_client(node: Any, service: str) -> Any:
-    """A client of a service of the node under test; its QoS loses no answers."""
+def service_client(node: Any, service: str, namespace: str = NAMESPACE) -> Any:
+    """A client of a service of the node in a namespace; its QoS loses no answers."""
     from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 
     from collision_response import srv
 
     types = {"resolve_collision": srv.ResolveCollision, "resolve_collision_batch": srv.ResolveCollisionBatch}
     qos = QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE)
-    name = f"{NAMESPACE}/collision_response/{service}"
+    name = f"{namespace}/collision_response/{service}"
     return node.create_client(types[service], name, qos_profile=qos)
 
 

@@ -9,6 +9,7 @@ import argparse
 import time
 from collections.abc import Callable
 from contextlib import closing
+from functools import partial
 from typing import Any
 
 from . import results
@@ -26,18 +27,6 @@ LONGEST_WAIT = 1.0
 
 LONGEST_EXIT = 15.0
 """Longest time to exit [s]: the default of shutdown_timeout, plus some for the cleanup."""
-
-CASES: dict[str, Callable[[Stage], Row]] = {}
-
-
-def case(name: str) -> Callable[[Callable[[Stage], Row]], Callable[[Stage], Row]]:
-    """Register a case under its name."""
-
-    def enter(run: Callable[[Stage], Row]) -> Callable[[Stage], Row]:
-        CASES[name] = run
-        return run
-
-    return enter
 
 
 def row(
@@ -111,43 +100,37 @@ def stopped(client: Child) -> Report:
     return client.report()
 
 
-@case("the first requests to a new node")
+# Crowds ---------------------------------------------------------------------------------------
+
+
 def first(stage: Stage) -> Row:
     node = stage.node()
     return row(node, [], others=calls(stage, 60))
 
 
-# Crowds ---------------------------------------------------------------------------------------
+def crowd(stage: Stage, clients: int, **order: Any) -> Row:
+    """Clients that send requests at the same time."""
+    node, crowd = stage.node(), [stage.client(seed=seed, **order) for seed in range(clients)]
+    stage.start(*crowd)
+    return row(node, [client.report() for client in crowd])
 
 
-@case("a burst of 5000 requests")
-def burst(stage: Stage) -> Row:
-    node, client = stage.node(), stage.client(kinds=MIXED, requests=5000, window=5000)
-    stage.start(client)
-    return row(node, [client.report()])
-
-
-@case("16 client processes, 500 requests each, 50 pending")
-def processes(stage: Stage) -> Row:
-    node = stage.node()
-    clients = [stage.client(kinds=SMALL, requests=500, window=50, seed=seed) for seed in range(16)]
-    stage.start(*clients)
-    return row(node, [client.report() for client in clients])
-
-
-@case("a burst of 5000 requests, and another client")
-def fairness(stage: Stage) -> Row:
-    node, client, other = started(stage), stage.client(kinds=SMALL, requests=5000, window=5000), steady(stage)
-    stage.start(other, client)
-    found = client.report()
-    return row(node, [found], others=stopped(other))
-
-
-@case("60 clients that call as soon as they see the service")
 def newcomers(stage: Stage) -> Row:
     node = started(stage)
-    newcomers = stage.child("new_clients", number=60)
-    return row(node, [newcomers.report()])
+    return row(node, [stage.child("new_clients", number=60).report()])
+
+
+def next_to_another(
+    stage: Stage, parameters: dict[str, Any] | None = None, wait: float | None = LONGEST_WAIT, **order: Any
+) -> Row:
+    """A client next to another one, which waits at most some seconds; ``None``: as long as it takes."""
+    node, other = started(stage, **parameters or {}), steady(stage)
+    client = stage.client(**order)
+    stage.start(other, client)
+    found = client.report()
+    took = found.latency()
+    notes = f"the request took {took['max']:.2g} s" if took and found.asked == 1 else ""
+    return row(node, [found], others=stopped(other), wait=wait, notes=notes)
 
 
 # Clients that leave, die, stop or read slowly ---------------------------------------------------
@@ -185,17 +168,7 @@ def stop(
     return report.asked, report.answered
 
 
-@case("a client leaves with 500 pending")
-def leaves(stage: Stage) -> Row:
-    return _apart(stage, leave)
-
-
-@case("a client is killed with 500 pending")
-def killed(stage: Stage) -> Row:
-    return _apart(stage, kill)
-
-
-def _apart(stage: Stage, fault: Callable[[Stage, int], tuple[int, int]]) -> Row:
+def apart(stage: Stage, fault: Callable[[Stage, int], tuple[int, int]]) -> Row:
     node, other = started(stage), steady(stage)
     stage.start(other)
     apart = fault(stage, 500)
@@ -203,30 +176,11 @@ def _apart(stage: Stage, fault: Callable[[Stage, int], tuple[int, int]]) -> Row:
     return row(node, [], others=stopped(other), apart=apart)
 
 
-def _stop(stage: Stage, seconds: float) -> Row:
+def stopped_client(stage: Stage, seconds: float) -> Row:
     node, other, found = started(stage), steady(stage), list[Report]()
     stage.start(other)
     apart = stop(stage, 3000, seconds, lambda: found.append(stopped(other)))
     return row(node, [], others=found[0], apart=apart, notes=f"stopped for {seconds:.0f} s or more")
-
-
-@case("a client is stopped for 5 s with 3000 pending")
-def stops(stage: Stage) -> Row:
-    return _stop(stage, 5.0)
-
-
-@case("a client is stopped for 40 s with 3000 pending")
-def stops_for_long(stage: Stage) -> Row:
-    return _stop(stage, 40.0)
-
-
-@case("a client reads an answer every 5 ms, 2000 pending")
-def reads_slowly(stage: Stage) -> Row:
-    node, other = started(stage), steady(stage)
-    client = stage.client(kinds=("full",), requests=2000, window=2000, pause=0.005)
-    stage.start(other, client)
-    went = client.report()
-    return row(node, [went], others=stopped(other))
 
 
 def results_reader(stage: Stage) -> Child:
@@ -235,7 +189,6 @@ def results_reader(stage: Stage) -> Child:
     return stage.child("subscriber", topic=topic, type="CollisionResult", reliable=True)
 
 
-@case("a subscriber of the results is stopped")
 def results_unread(stage: Stage) -> Row:
     node = stage.node()
     subscriber, client = results_reader(stage), stage.client(kinds=SMALL, requests=5000, window=1)
@@ -246,70 +199,57 @@ def results_unread(stage: Stage) -> Row:
     return row(node, [], others=client.report())
 
 
-# Long requests --------------------------------------------------------------------------------
-
-
-def _long(stage: Stage, kind: str, parameters: dict[str, Any], wait: float | None = LONGEST_WAIT) -> Row:
-    node, other = started(stage, **parameters), steady(stage)
-    client = stage.client(kinds=(kind,), requests=1, window=1, patience=300.0)
-    stage.start(other, client)
-    found = client.report()
-    took = found.latency()
-    notes = f"the batch took {took['max']:.2g} s" if took else ""
-    return row(node, [found], others=stopped(other), wait=wait, notes=notes)
-
-
-@case("a batch of 2e5, SPATIAL, EXTENDED")
-def long_batch(stage: Stage) -> Row:
-    return _long(stage, "extended batch of 2e5", {})
-
-
-@case("a batch of 1e6, over the budget")
-def over_budget(stage: Stage) -> Row:
-    return _long(stage, "extended batch of 1e6", {})
-
-
-@case("a batch of 1e6, POINT, ample budget")
-def great_point_batch(stage: Stage) -> Row:
-    return _long(stage, "point batch of 1e6", AMPLE, wait=None)
-
-
-@case("a batch of 1e6, SPATIAL, EXTENDED, ample budget")
-def great_batch(stage: Stage) -> Row:
-    """DDS sends the answer of 130 MB in one piece, and other clients wait for that."""
-    return _long(stage, "extended batch of 1e6", AMPLE, wait=None)
-
-
 # The end --------------------------------------------------------------------------------------
 
 
-def _end(node: NodeProcess, clients: list[Child]) -> Row:
-    seconds, code = node.terminate(120.0)
-    must = {f"it took {seconds:.1f} s to exit": seconds <= LONGEST_EXIT, f"it exited with {code}": code == 0}
-    found = [client.report() for client in clients]
-    return row(node, found, must=must, notes=f"exit code {code} after {seconds:.2g} s")
-
-
-@case("SIGTERM in a burst of 5000")
-def sigterm_in_burst(stage: Stage) -> Row:
-    node = stage.node()
-    client = stage.client(kinds=SMALL, requests=5000, window=5000, patience=10.0)
+def terminated(stage: Stage, parameters: dict[str, Any], seconds: float, **order: Any) -> Row:
+    """SIGTERM some seconds after a client has sent its requests."""
+    node, client = stage.node(**parameters), stage.client(**order)
     stage.start(client)
     client.until("sent")
-    return _end(node, [client])
-
-
-@case("SIGTERM in a batch of 2e5, ROUTH, EXTENDED")
-def sigterm_in_batch(stage: Stage) -> Row:
-    node = stage.node(**AMPLE)
-    client = stage.client(kinds=("routh batch of 2e5",), requests=1, window=1, patience=20.0)
-    stage.start(client)
-    client.until("sent")
-    time.sleep(3.0)  # until the node has received it and computes
-    return _end(node, [client])
+    time.sleep(seconds)  # until the node has received them and computes
+    took, code = node.terminate(120.0)
+    must = {f"it took {took:.1f} s to exit": took <= LONGEST_EXIT, f"it exited with {code}": code == 0}
+    return row(node, [client.report()], must=must, notes=f"exit code {code} after {took:.2g} s")
 
 
 # Running --------------------------------------------------------------------------------------
+
+LONG = {"requests": 1, "patience": 300.0}
+CASES: dict[str, Callable[[Stage], Row]] = {
+    "the first requests to a new node": first,
+    "a burst of 5000 requests": partial(crowd, clients=1, kinds=MIXED, requests=5000, window=5000),
+    "16 client processes, 500 requests each, 50 pending": partial(
+        crowd, clients=16, kinds=SMALL, requests=500, window=50
+    ),
+    "a burst of 5000 requests, and another client": partial(
+        next_to_another, kinds=SMALL, requests=5000, window=5000
+    ),
+    "60 clients that call as soon as they see the service": newcomers,
+    "a client leaves with 500 pending": partial(apart, fault=leave),
+    "a client is killed with 500 pending": partial(apart, fault=kill),
+    "a client is stopped for 5 s with 3000 pending": partial(stopped_client, seconds=5.0),
+    "a client is stopped for 40 s with 3000 pending": partial(stopped_client, seconds=40.0),
+    "a client reads an answer every 5 ms, 2000 pending": partial(
+        next_to_another, requests=2000, window=2000, pause=0.005
+    ),
+    "a subscriber of the results is stopped": results_unread,
+    "a batch of 2e5, SPATIAL, EXTENDED": partial(next_to_another, kinds=("extended batch of 2e5",), **LONG),
+    "a batch of 1e6, over the budget": partial(next_to_another, kinds=("extended batch of 1e6",), **LONG),
+    # DDS sends answers of up to 130 MB in one piece, and other clients wait for that.
+    "a batch of 1e6, POINT, ample budget": partial(
+        next_to_another, parameters=AMPLE, wait=None, kinds=("point batch of 1e6",), **LONG
+    ),
+    "a batch of 1e6, SPATIAL, EXTENDED, ample budget": partial(
+        next_to_another, parameters=AMPLE, wait=None, kinds=("extended batch of 1e6",), **LONG
+    ),
+    "SIGTERM in a burst of 5000": partial(
+        terminated, parameters={}, seconds=0.0, kinds=SMALL, requests=5000, window=5000, patience=10.0
+    ),
+    "SIGTERM in a batch of 2e5, ROUTH, EXTENDED": partial(
+        terminated, parameters=AMPLE, seconds=3.0, kinds=("routh batch of 2e5",), requests=1, patience=20.0
+    ),
+}
 
 
 def measure(named: str) -> dict[str, Row]:

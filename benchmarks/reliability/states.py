@@ -63,7 +63,7 @@ def by_a_subscription(stage: Stage, kind: str, rate: int, seconds: float) -> Row
     subscriber.until("ready")
     sent, processor = _sent_to(subscriber, stage, publishers)
     subscriber.tell("stop")
-    heard = subscriber.until("heard")["names"]
+    heard = subscriber.until("heard")
     return {**_row(sent, heard), "processor": processor / heard}
 
 

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 from .child_process import Parent, ros_node
 
 
 def run(order: dict[str, Any], parent: Parent) -> None:
-    """Main function of the process: "ready", wait for "stop", "heard" with the counts and the time."""
+    """Main function of the process: "ready", wait for "stop", "heard" with the number of bodies."""
     from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 
     from collision_response import msg
 
     names: set[str] = set()
-    times: list[float] = []
 
     def receive(message: Any) -> None:
-        times.append(time.monotonic())
         names.update(message.names if order["type"] == "BodyStates" else [getattr(message, "name", "")])
 
     reliability = ReliabilityPolicy.RELIABLE if order["reliable"] else ReliabilityPolicy.BEST_EFFORT
@@ -28,5 +25,4 @@ def run(order: dict[str, Any], parent: Parent) -> None:
         parent.send("ready")
         while not parent.has_sent("stop") and not parent.is_gone():
             executor.spin_once(timeout_sec=0.1)
-        seconds = times[-1] - times[0] if times else 0.0
-        parent.send("heard", {"messages": len(times), "names": len(names), "seconds": seconds})
+        parent.send("heard", len(names))
