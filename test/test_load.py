@@ -11,6 +11,7 @@ import threading
 import warnings
 from array import array
 from functools import partial
+from operator import attrgetter
 from types import SimpleNamespace
 
 import numpy as np
@@ -22,7 +23,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.service import Service
-from ros_graph import DEADLINE, balls_meet, wait_until
+from ros_graph import DEADLINE, assign, balls_meet, wait_until
 
 from collision_response import Body, Contact, Geometry, ImpactError, ImpactModel, Precision, StatusCode
 from collision_response.batch.rows import body_rows, contact_rows
@@ -30,7 +31,7 @@ from collision_response.msg import BodyState
 from collision_response.ros import batches, clients, scenes, server
 from collision_response.ros import diagnostics as diagnostics_module
 from collision_response.ros.batch_client import pack, unpack
-from collision_response.ros.body_lookup import BODIES_PER_STEP, StateFinder
+from collision_response.ros.body_lookup import BODIES_PER_STEP, MAX_TEXT, TEXTS, StateFinder
 from collision_response.ros.clients import ConnectedClients
 from collision_response.ros.diagnostics import PERIOD, Counters, Diagnostics
 from collision_response.ros.scene_client import pack as pack_scene
@@ -160,6 +161,44 @@ def test_far_too_many_names_are_only_counted(shared_node, kind, number):
         service = scenes.SceneService(node.parameters, states, SimpleNamespace(add=lambda *_: None))
     with pytest.raises(ImpactError, match=f"(holds|has) {number}[ ;]"):
         next(service.answer(request))
+
+
+def texts_in(message, path=""):
+    """The names of all fields of a message that hold text."""
+    for name, kind in message.get_fields_and_field_types().items():
+        if kind == "string":
+            yield path + name
+        elif hasattr(getattr(message, name), "get_fields_and_field_types"):
+            yield from texts_in(getattr(message, name), f"{path}{name}.")
+
+
+def test_every_text_of_a_request_is_limited():
+    assert {*texts_in(ResolveCollision.Request())} == {*TEXTS}
+    for kind in (ResolveCollisionBatch, ResolveScene):
+        assert {*texts_in(kind.Request())} == {"header.frame_id", "names"}
+
+
+@pytest.mark.parametrize("field", TEXTS)
+def test_a_text_that_is_too_long_is_refused_by_name_and_not_repeated(shared_node, field):
+    request = balls_meet()
+    assign(request, field, "x" * (MAX_TEXT + 1))
+    assert_too_long(shared_node.call(request).result, field)
+
+
+@pytest.mark.parametrize("field", ["header.frame_id", "names"])
+@pytest.mark.parametrize("kind", [ResolveCollisionBatch, ResolveScene])
+def test_a_frame_or_name_of_many_that_is_too_long_is_refused_by_name(shared_node, kind, field):
+    request = falling(1) if kind is ResolveCollisionBatch else crowd(2)
+    assign(request, field, "\n".join(["a", "b", "x" * (MAX_TEXT + 1)][-3 if field == "names" else -1 :]))
+    response = shared_node.call(request)
+    assert_too_long(getattr(response, "result", response), field.replace("names", "names[2]"))
+
+
+def assert_too_long(result, field):
+    refusal = result if hasattr(result, "code") else result.status
+    assert refusal.code == StatusCode.BUDGET_EXCEEDED
+    assert refusal.message == f"{field}: has {MAX_TEXT + 1} characters; may have {MAX_TEXT}"
+    assert all(len(attrgetter(text)(result)) <= MAX_TEXT for text in texts_in(result))
 
 
 def test_a_scene_of_too_many_bodies_is_refused_by_name(shared_node):
@@ -382,6 +421,25 @@ def test_an_answer_that_cannot_be_sent_is_counted_and_harmless(graph, monkeypatc
         assert graph.call(balls_meet()).success
     wait_until(lambda: last() and last()[1]["answers that could not be sent"] == "2")
     assert last()[1]["answers"] == "3"
+
+
+@pytest.mark.parametrize(
+    ("error", "code"), [(MemoryError, StatusCode.BUDGET_EXCEEDED), (RuntimeError, StatusCode.INTERNAL_ERROR)]
+)
+def test_an_answer_too_large_to_send_becomes_a_refusal(graph, monkeypatch, error, code):
+    """Otherwise this request and all others of the client would be left without an answer."""
+    graph.serve()
+    send, failures = Service.send_response, [error]
+
+    def fail_once(*arguments):
+        if failures:
+            raise failures.pop()
+        send(*arguments)
+
+    monkeypatch.setattr(Service, "send_response", fail_once)
+    futures = [graph.call_async(balls_meet()) for _ in range(3)]
+    wait_until(lambda: all(future.done() for future in futures))
+    assert [future.result().result.status.code for future in futures] == [code, StatusCode.OK, StatusCode.OK]
 
 
 # diagnostics

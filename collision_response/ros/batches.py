@@ -31,8 +31,9 @@ from .body_lookup import (
     LookUp,
     StateFinder,
     StateNotYetReceived,
-    check_distinct,
     check_immovable,
+    check_names,
+    check_texts,
 )
 from .parameters import LatestParameters
 from .server import Work
@@ -82,6 +83,7 @@ class BatchService:
     def answer(self, request: Request) -> Work:
         """Compute the response to a request, in steps."""
         parameters = self.parameters.values
+        check_texts(request, ["header.frame_id"])
         finder = StateFinder("header", request.header, request.not_before, self.states, parameters)
         layout = layout_of(request)
         pairs = pairs_of(request, parameters.budget_contacts)
@@ -212,7 +214,7 @@ def bodies_of(
     if not number:
         return BatchBodies(table, codes, [], [], [])
     names = request.names.split("\n")
-    check_distinct(names)
+    check_names(names)
     columns, errors = np.full((len(table), len(names)), math.nan), []
     stamps, ages = [Time()] * len(names), [math.nan] * len(names)
     for i, name in enumerate(names):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Generator, Sequence
-from typing import NamedTuple, TypeVar
+from operator import attrgetter
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -27,6 +28,18 @@ BODIES_PER_STEP = 50
 """Bodies that are looked up, or converted, between two yields: each takes up to a tenth of a millisecond."""
 
 OWNERS = ("body_a", "body_b")
+
+TEXTS = (
+    "contact.header.frame_id",
+    "contact.body_a",
+    "contact.body_b",
+    *(f"{owner}.{field}" for owner in OWNERS for field in ("name", "header.frame_id", "material")),
+)
+"""The fields of ``ResolveCollision`` that hold text."""
+
+MAX_TEXT = 256
+"""Longest name, frame or material in a request [characters]. Answers repeat them, a scene for each
+contact, and are kept for subscribers."""
 
 
 class StateUsed(NamedTuple):
@@ -211,14 +224,37 @@ def names_of(request: ResolveCollision.Request) -> list[str]:
     return names
 
 
-def check_distinct(names: Sequence[str]) -> None:
-    """Refuse a list in which a name appears twice.
+def check_texts(request: Any, fields: Sequence[str]) -> None:
+    """Refuse a request with a text that is too long.
+
+    Such texts are shortened in the request, because the refusal repeats some of them.
 
     Raises:
-        ImpactError: SAME_BODY.
+        ImpactError: BUDGET_EXCEEDED.
+    """
+    too_long = {field: len(text) for field in fields if len(text := attrgetter(field)(request)) > MAX_TEXT}
+    for field in too_long:
+        owner, _, name = field.rpartition(".")
+        setattr(attrgetter(owner)(request), name, attrgetter(field)(request)[:MAX_TEXT])
+    for field, length in too_long.items():
+        raise _too_long(field, length)
+
+
+def _too_long(field: str, length: int) -> ImpactError:
+    reason = f"has {length} characters; may have {MAX_TEXT}"
+    return ImpactError(StatusCode.BUDGET_EXCEEDED, field, reason)
+
+
+def check_names(names: Sequence[str]) -> None:
+    """Refuse a list in which a name is too long or appears twice.
+
+    Raises:
+        ImpactError: BUDGET_EXCEEDED or SAME_BODY.
     """
     first: dict[str, int] = {}
     for i, name in enumerate(names):
+        if len(name) > MAX_TEXT:
+            raise _too_long(f"names[{i}]", len(name))
         if first.setdefault(name, i) != i:
             reason = f"is {quoted(name)}, the same as names[{first[name]}]: names must be distinct"
             raise ImpactError(StatusCode.SAME_BODY, f"names[{i}]", reason)

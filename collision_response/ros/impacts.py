@@ -15,7 +15,7 @@ from ..srv import ResolveCollision
 from ..status import ImpactError
 from . import convert
 from .answer_log import AnswerLog
-from .body_lookup import StateFinder, complete
+from .body_lookup import TEXTS, StateFinder, check_texts, complete
 from .parameters import LatestParameters
 from .server import Work
 from .states import LatestStates
@@ -46,6 +46,7 @@ class ImpactService:
     def answer(self, request: ResolveCollision.Request) -> Work:
         """Compute the response to a request, in steps."""
         parameters = self.parameters.values
+        check_texts(request, TEXTS)
         contact = request.contact
         finder = StateFinder("contact.header", contact.header, request.not_before, self.states, parameters)
         states_used = yield from finder.wait(partial(complete, request, finder))

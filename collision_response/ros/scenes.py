@@ -28,8 +28,9 @@ from .body_lookup import (
     LookUp,
     StateFinder,
     StateUsed,
-    check_distinct,
     check_immovable,
+    check_names,
+    check_texts,
 )
 from .parameters import LatestParameters, Parameters
 from .server import Work
@@ -89,6 +90,7 @@ class SceneService:
     def answer(self, request: ResolveScene.Request) -> Work:
         """Compute the response to a request, in steps."""
         parameters = self.parameters.values
+        check_texts(request, ["header.frame_id"])
         finder = StateFinder("header", request.header, request.not_before, self.states, parameters)
         contacts = contacts_of(request, parameters.budget_scene_contacts)
         bodies = yield from finder.wait(partial(bodies_of, request, finder))
@@ -158,7 +160,7 @@ def bodies_of(request: ResolveScene.Request, finder: StateFinder) -> LookUp[list
     if len(names) < count:
         reason = f"must be empty, or have a line for each of the {count} bodies at least; has {len(names)}"
         raise ImpactError(StatusCode.INVALID_TABLE, "names", reason)
-    check_distinct(names)
+    check_names(names)
     check_immovable(request.immovable, count)
     columns, immovable = table.T.tolist(), np.zeros(count, bool)
     immovable[np.asarray(request.immovable)] = True

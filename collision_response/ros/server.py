@@ -218,10 +218,11 @@ class Server:
             return
         try:
             status, response = yield from call.node_service.answer(call.request)
+            self._send(call, status, response)
+        except InvalidHandle:  # of a node that another thread destroys meanwhile
+            raise
         except Exception as error:
             self._refuse(call, self._as_refusal(error))
-        else:
-            self._send(call, status, response)
 
     def _refuse(self, call: Call, error: ImpactError) -> None:
         if error.code is StatusCode.BUDGET_EXCEEDED:
