@@ -137,6 +137,11 @@ def test_integers_beyond_float64_are_refused_by_name(solid, mass, power):
 @pytest.mark.parametrize("integer", [np.int8, np.uint8, np.int16])
 def test_integers_of_numpy_do_not_overflow(solid, integer):
     assert solid(integer(100), integer(20)) == solid(100, 20)
+    particles, expected = (
+        mp.of_particles([(x(100), (x(90), x(0), x(20))), (x(50), (x(0), x(80), x(100)))])
+        for x in (integer, int)
+    )
+    assert particles == expected
     tensor = np.array([[100, 90, 0], [90, 100, 0], [0, 0, 120]])
     assert Body.dynamic(1.0, tensor.astype(integer)).inertia == Body.dynamic(1.0, tensor.tolist()).inertia
 

@@ -51,7 +51,10 @@ def of_particles(particles: Iterable[Particle]) -> MassProperties:
     Raises:
         ValueError: if the sum of the masses is not positive, or there is no particle.
     """
-    particles = [Particle(mass, as_vector("position", position)) for mass, position in particles]
+    particles = [
+        Particle(_plain(mass), Vec3(*map(_plain, as_vector("position", position))))
+        for mass, position in particles
+    ]
     mass = sum(p.mass for p in particles)
     if not mass > 0:
         raise ValueError(f"the particles' masses must add up to more than 0, not {mass}")
@@ -198,13 +201,18 @@ def rod(mass: Scalar, length: Scalar) -> MassProperties:
 
 
 def _checked(**numbers: Scalar) -> list[Scalar]:
-    """Return the numbers, with integers as Python's, because those of NumPy overflow."""
+    """Return the numbers for use in formulas. Raises: as the head of this file says."""
     for name, x in numbers.items():
         if type(x).__name__.startswith("bool") or not hasattr(x, "__float__"):
             raise TypeError(f"{name}: must be a real number, is {x!r}")
         if x < 0:
             raise ValueError(f"{name}: must be at least 0, is {format_value(x, str)}")
-    return [int(x) if isinstance(x, Integral) else x for x in numbers.values()]
+    return list(map(_plain, numbers.values()))
+
+
+def _plain(x: Scalar) -> Scalar:
+    """Return an integer as Python's, because NumPy's overflow; any other number as it is."""
+    return int(x) if isinstance(x, Integral) else x
 
 
 def _principal(mass: Scalar, xx: Scalar, yy: Scalar, zz: Scalar) -> MassProperties:
