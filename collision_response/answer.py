@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from decimal import Decimal
 from typing import Any, NamedTuple
 
 from .impact import ImpactNumbers
@@ -206,7 +207,11 @@ def format_energies(answer: Any) -> str:
 
 def format_number(x: Scalar) -> str:
     """Format a number with six digits, and -0 as 0."""
-    return f"{float(x) + 0.0:.6g}"
+    try:
+        number: float | Decimal = float(x)
+    except OverflowError:  # a fraction beyond float64
+        number = Decimal(x.numerator) / x.denominator
+    return f"{number + 0:.6g}"
 
 
 def format_vector(v: Any) -> str:

@@ -201,7 +201,7 @@ def _with_initial_coefficients(body_a: Body, body_b: Body, contact: Contact, mod
         plastic = contact._replace(restitution=0.0, friction=0.0)
         exact = model._replace(geometry=Geometry.AUTO, precision=Precision.EXTENDED, tolerance=0.0)
         normal_velocity = resolve(body_a, body_b, plastic, exact).normal_velocity_before
-        e = restitution_at_speed(float(max(-normal_velocity, 0.0)), contact, "contact")
+        e = restitution_at_speed(max(-normal_velocity, 0.0), contact, "contact")
         contact = contact._replace(restitution=e)
     return contact
 

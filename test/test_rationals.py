@@ -127,6 +127,23 @@ def test_thresholds_of_every_type_apply_to_fractions(two):
     assert scene.twists[0] == one.twist_a
 
 
+def test_an_answer_beyond_float64_is_shown():
+    fast = resolve(Body.dynamic(F(10) ** 300, velocity=(0, 0, -(F(10) ** 300))), FLOOR, CORNER)
+    assert fast.impulse.z == 3 * F(10) ** 600 / 2
+    assert "1.50000e+600" in repr(fast)
+    assert "energy 5.00000e+899 -> 1.25000e+899 J" in str(fast)
+
+
+def test_a_function_of_a_speed_beyond_float64_is_refused():
+    speed = F(17 * 10**307)
+    bodies = [Body.dynamic(F(1), velocity=(side * speed, 0, -side * speed)) for side in (1, -1)]
+    for field in ("restitution", "friction"):
+        with refused(StatusCode.OUT_OF_RANGE):
+            resolve(*bodies, CORNER._replace(**{field: lambda v: 0.5}))
+    with refused(StatusCode.OUT_OF_RANGE):
+        resolve_scene(bodies, [(0, 1)] * 2, [CORNER._replace(restitution=lambda v: 0.5)] * 2)
+
+
 def test_functions_apply_to_fractions():
     assert resolve(BOX, FLOOR, CORNER._replace(restitution=lambda v: v / 2)).impulse == (0, 0, F(9, 10))
 

@@ -304,13 +304,15 @@ def test_a_tolerance_that_nothing_meets_requires_extended(tolerance):
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-9])
-def test_a_contact_that_no_precision_resolves_requires_extended(tolerance):
-    """A third minus a third: COULOMB computes with floats, which leave open whether the bodies separate."""
-    third = Fraction(1, 3)
+@pytest.mark.parametrize(
+    ("third", "least"), [(1 / 3, Precision.EXTENDED), (Fraction(1, 3), Precision.SINGLE)]
+)
+def test_a_contact_that_touches_exactly_requires_digits_or_fractions(tolerance, third, least):
+    """A third minus a third: SINGLE and DOUBLE leave open whether the bodies separate, fractions do not."""
     bodies = {"sliding": Body.dynamic(1.0, velocity=(third, -third, 0.0)), "ground": Body.static()}
     contacts = [SceneContact("sliding", "ground", Contact.of((0, 0, 0), (1, 1, 0), 0.5, 0.3))]
     needs = scene_requirements(bodies, contacts, tolerance)
-    assert (needs.law.least, needs.precision.least) == (Law.COULOMB, Precision.EXTENDED)
+    assert (needs.law.least, needs.precision.least) == (Law.FRICTIONLESS, least)
 
 
 @pytest.mark.parametrize("spin", [0.5, -0.5])

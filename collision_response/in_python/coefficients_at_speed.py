@@ -8,7 +8,7 @@ from collections.abc import Callable
 from .. import validity
 from ..kernels import library
 from ..model import check_number
-from ..numbers.operations import square_root
+from ..numbers.operations import Scalar, square_root
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.effective_mass import ContactKinematics
@@ -17,7 +17,7 @@ from ..status import ImpactError, StatusCode
 from .request_numbers import body_as_fractions, contact_as_fractions, read_request
 
 
-def restitution_at_speed(speed: float, contact: Contact, field: str) -> float:
+def restitution_at_speed(speed: Scalar, contact: Contact, field: str) -> float:
     """Evaluate the restitution of a contact, a function, at an approach speed [m/s].
 
     Args:
@@ -26,9 +26,10 @@ def restitution_at_speed(speed: float, contact: Contact, field: str) -> float:
         field: the name of the contact, for the error.
 
     Raises:
-        ImpactError: INVALID_COEFFICIENT or NOT_FINITE, if the value is not in [0, 1].
+        ImpactError: INVALID_COEFFICIENT or NOT_FINITE, if the value is not in [0, 1]. OUT_OF_RANGE, if the
+            speed is beyond float64.
     """
-    return _evaluate(contact.restitution, speed, 1.0, f"{field}.restitution(approach_speed)")
+    return _evaluate(contact.restitution, _as_float(speed), 1.0, f"{field}.restitution(approach_speed)")
 
 
 def friction_at_speed(speed: float, contact: Contact) -> float:
@@ -73,8 +74,12 @@ def initial_slip_speed(body_a: Body, body_b: Body, contact: Contact) -> float:
     """
     bodies = body_as_fractions(body_a), body_as_fractions(body_b)
     n, u, n_u = ContactKinematics.of(*bodies, contact_as_fractions(contact))[:3]
+    return _as_float(square_root(u.dot(u) - n_u * n_u / n.dot(n)))
+
+
+def _as_float(speed: Scalar) -> float:
     try:
-        return float(square_root(u.dot(u) - n_u * n_u / n.dot(n)))
+        return float(speed)
     except OverflowError:
         raise library.refusal(StatusCode.OUT_OF_RANGE) from None
 

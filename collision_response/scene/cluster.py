@@ -113,7 +113,7 @@ def _assemble_with_restitution(
     for original, contact, speed, i in zip(given, parts.contacts, speeds, parts.indices, strict=True):
         e = contact.restitution
         if callable(original.restitution):
-            e = restitution_at_speed(float(speed if speed > 0 else fastest), original, f"contacts[{i}]")
+            e = restitution_at_speed(speed if speed > 0 else fastest, original, f"contacts[{i}]")
         if 0 < speed < threshold and e > 0:
             e, is_slow = e * 0, True
         contacts.append(contact._replace(restitution=Fraction(e) if options.exact else float(e)))
