@@ -35,9 +35,7 @@ class AnswerLog:
         topics: the resolved names of the topics of the results.
         recorder: records the answers; ``None``: they are not recorded.
 
-    Args:
-        node: the node that publishes the results.
-        now: returns the time of the node's clock [ns].
+    ``now`` returns the time of the node's clock [ns].
     """
 
     recorder: Recorder | None = None
@@ -91,11 +89,6 @@ class ResultPublisher:
 
     Attributes:
         topic: the resolved name of the topic.
-
-    Args:
-        node: the node that publishes.
-        kind: the type of the messages.
-        topic: the name of the topic, not yet resolved.
     """
 
     def __init__(self, node: Node, kind: Any, topic: str) -> None:

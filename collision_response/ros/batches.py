@@ -68,12 +68,7 @@ BLOCK_TIMES = 0.001, 0.004
 
 @dataclass
 class BatchService:
-    """Answers ``~/resolve_collision_batch``.
-
-    Attributes:
-        parameters: the parameters of the node.
-        states: the latest states of bodies.
-    """
+    """Answers ``~/resolve_collision_batch``."""
 
     interface = ResolveCollisionBatch
     name = "~/resolve_collision_batch"

@@ -71,8 +71,6 @@ class StateFinder:
         field: the field that holds the header of the contact, for errors.
         header: that header.
         not_before: of the request: the earliest stamp accepted; 0: any.
-        states: the latest states received.
-        parameters: the parameters of the node.
 
     Raises:
         ImpactError: FRAME_MISMATCH if the header has another frame than the parameter ``world_frame``.
@@ -91,16 +89,10 @@ class StateFinder:
             raise ImpactError(StatusCode.FRAME_MISMATCH, self._frame_field, reason)
 
     def wait(self, look_up: Callable[[], LookUp[Found]]) -> Generator[float | None, None, Found]:
-        """Look up bodies, and wait for their states if necessary.
-
-        Args:
-            look_up: tried at once, and again whenever states have arrived.
+        """Look up bodies at once, and again whenever states have arrived that one of them waits for.
 
         Yields:
             While it waits: when it stops waiting [s], by ``time.perf_counter``. In a look-up: ``None``.
-
-        Returns:
-            What the look-up returns.
 
         Raises:
             ImpactError: STALE_STATE if no such state arrives in time; or what the look-up raises.
@@ -118,12 +110,8 @@ class StateFinder:
     def find(self, owner: str, field: str, name: str) -> tuple[BodyState, StateUsed]:
         """Find the latest state of a body.
 
-        Its age is unknown if it has no stamp, or the time of the contact is unknown.
-
-        Args:
-            owner: what errors call the body.
-            field: the field that holds its name, for errors.
-            name: its name.
+        Its age is unknown if it has no stamp, or the time of the contact is unknown. Errors call the body
+        ``owner`` and the field that holds its name ``field``.
 
         Raises:
             StateNotYetReceived: if there is a ``not_before``, and no such state.

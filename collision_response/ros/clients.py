@@ -63,10 +63,6 @@ class ConnectedClients:
 
     Only Fast DDS identifies clients by that subscription. With another middleware all clients count as
     connected.
-
-    Args:
-        node: the node that offers the service.
-        service_name: the resolved name of the service.
     """
 
     def __init__(self, node: Node, service_name: str) -> None:

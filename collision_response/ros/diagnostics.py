@@ -58,12 +58,8 @@ class Counters:
 class Diagnostics:
     """Publishes counts, rates and latencies once a second, with level WARN if a problem count has grown.
 
-    Args:
-        node: the node that publishes.
-        counters: what the services have counted.
-        states: the latest states of bodies.
-        not_recorded: returns the number of entries that are missing in the recording.
-        waiting: returns the number of requests that are not answered yet.
+    ``not_recorded`` returns the number of entries that are missing in the recording, ``waiting`` that of
+    requests that are not answered yet.
     """
 
     def __init__(

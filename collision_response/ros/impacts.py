@@ -23,15 +23,7 @@ from .states import LatestStates
 
 @dataclass
 class ImpactService:
-    """Answers ``~/resolve_collision``.
-
-    Attributes:
-        parameters: the parameters of the node.
-        states: the latest states of bodies.
-        answer_log: numbers, publishes and records the answers.
-        survey: collects all impacts, to log what the scene requires; or ``None``.
-        log: the logger of the node.
-    """
+    """Answers ``~/resolve_collision``. A ``survey`` collects all impacts, to log what the scene requires."""
 
     interface = ResolveCollision
     name = "~/resolve_collision"

@@ -90,13 +90,8 @@ def markers_of(
 
     The cone holds the directions that friction allows for the impulse. Its edge is as long as the impulse, so
     the impulse of a sliding contact ends on its rim. There is no cone without friction or impulse. Markers
-    that would reach beyond float64 are left out.
-
-    Args:
-        header: the header of the answer.
-        contacts: the contacts of the answer.
-        drawing: how they are drawn.
-        numbers: the markers of each contact have the next of these numbers as their id.
+    that would reach beyond float64 are left out. The markers of each contact have the next of ``numbers`` as
+    their id.
     """
     array = MarkerArray()
     for contact in contacts:
@@ -117,12 +112,9 @@ def markers_of(
 
 
 def wrench_of(header: Any, contact: DrawnContact, contact_duration: float) -> WrenchStamped:
-    """Mean force on body_a during the impact, and its moment about the origin of the frame.
+    """Mean force [N] on body_a during the impact, and its moment about the origin of the frame [N m].
 
-    Args:
-        header: the header of the answer.
-        contact: the contact of the answer, at ``x`` with the impulse ``P``.
-        contact_duration: ``T`` [s]. The force is ``P/T`` [N], the torque ``x cross P/T`` [N m].
+    They are ``P/T`` and ``x cross P/T`` for an impulse ``P`` at ``x`` and a duration ``T`` [s].
     """
     wrench = WrenchStamped(header=header)
     wrench.wrench.force = vector_message(contact.impulse / contact_duration)

@@ -171,9 +171,6 @@ DECLARATIONS = (
     ),
 )
 
-NAMES = {declaration.name.replace(".", "_"): declaration.name for declaration in DECLARATIONS}
-"""Name of each parameter, by the name that a field of :class:`Parameters` has for it."""
-
 
 @dataclass(frozen=True)
 class Parameters:
@@ -200,22 +197,14 @@ class Parameters:
 
 
 def materials_in(file: str) -> Materials:
-    """Read a file of materials; without a name, return no materials.
-
-    Raises:
-        as :meth:`Materials.read`.
-    """
+    """Read a file of materials; without a name, return no materials. Raises as :meth:`Materials.read`."""
     return Materials.read(Path(file)) if file else NO_MATERIALS
 
 
 class LatestParameters:
-    """The parameters of a node as they were last set. They are read when they change, not for each request.
+    """The parameters of a node as they were last set, in ``values``.
 
-    Attributes:
-        values: the current values.
-
-    Args:
-        node: the node. All parameters must have been declared.
+    They are read when they change, not for each request.
     """
 
     def __init__(self, node: Node) -> None:
@@ -225,9 +214,12 @@ class LatestParameters:
         node.add_post_set_parameters_callback(self._read)
 
     def _read(self, _: list[Parameter[Any]]) -> None:
-        fields = NAMES.keys() & Parameters.__dataclass_fields__
+        names = {declaration.name.replace(".", "_"): declaration.name for declaration in DECLARATIONS}
         self.values = Parameters(
-            **{field: self._value_of(NAMES[field]) for field in fields},
+            **{
+                field: self._value_of(names[field])
+                for field in names.keys() & Parameters.__dataclass_fields__
+            },
             model=ImpactModel(*map(self._value_of, ImpactModel._fields)),
             materials=self._materials,
         )

@@ -109,15 +109,7 @@ class RoundRobin:
         return len(jobs)
 
     def refuse_all(self, error: ImpactError, until: float) -> int:
-        """Answer every job with an error.
-
-        Args:
-            error: the answer.
-            until: when to stop [s].
-
-        Returns:
-            Number of jobs that are left without an answer because time ran out.
-        """
+        """Answer every job with an error, until a time [s]; return how many are left without an answer."""
         self.resume()
         jobs = [job for queue in self._queues.values() for job in queue]
         self._queues.clear()

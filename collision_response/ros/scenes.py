@@ -73,13 +73,7 @@ SceneProblem = tuple[list[Body], list[tuple[int, int]], list[Contact], ImpactMod
 
 @dataclass
 class SceneService:
-    """Answers ``~/resolve_scene``.
-
-    Attributes:
-        parameters: the parameters of the node.
-        states: the latest states of bodies.
-        answer_log: numbers, publishes and records the answers.
-    """
+    """Answers ``~/resolve_scene``."""
 
     interface = ResolveScene
     name = "~/resolve_scene"
@@ -186,13 +180,7 @@ def problem_of(
     bodies: list[SceneBody],
     parameters: Parameters,
 ) -> tuple[SceneProblem, list[convert.ContactCoefficients]]:
-    """Convert a request.
-
-    Args:
-        request: its pairs and model are read.
-        messages: its contacts; the names of their bodies are filled in.
-        bodies: its bodies.
-        parameters: the parameters of the node.
+    """Convert a request, and fill in the names of the bodies in its contacts, ``messages``.
 
     Returns:
         The arguments for the numeric core, and for each contact the coefficients with their sources.

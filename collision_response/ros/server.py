@@ -165,14 +165,9 @@ class Server:
             self._serve()
 
     def drain(self, answering_time: float, refusing_time: float) -> int:
-        """Answer all requests that have arrived, and those that arrive meanwhile.
+        """Answer all requests that have arrived, and those that arrive meanwhile; then refuse the rest.
 
-        Args:
-            answering_time: how long [s] to answer requests.
-            refusing_time: how long [s] to refuse the remaining requests after that.
-
-        Returns:
-            Number of requests that are left without an answer.
+        Each takes at most the given time [s]. Return the number of requests that are left without an answer.
         """
         clock, answers_before = time.perf_counter, self._counters.answers.total()
         start = last_arrival = clock()

@@ -130,12 +130,8 @@ class LatestStates:
     def find(self, field: str, name: str) -> BodyState:
         """Latest state of a body, after the messages that wait have been received.
 
-        Args:
-            field: the field that holds the name, for the error.
-            name: the name of the body.
-
         Raises:
-            ImpactError: UNKNOWN_BODY.
+            ImpactError: UNKNOWN_BODY, which names the ``field`` that holds the name.
         """
         self.take_all()
         candidates: list[Serialized] = [table for table in self._tables.values() if name in table.columns]
@@ -193,11 +189,6 @@ class LatestStates:
 
     def _count(self, info: Any, kind: str, advice: str) -> bytes:
         """Count a message, and those of the same publisher that were lost since its last one.
-
-        Args:
-            info: the message info of rclpy.
-            kind: what the warning calls the messages.
-            advice: what the warning recommends.
 
         Returns:
             Identity of the publisher. Empty if rclpy does not give it, as in Jazzy: then losses are not
