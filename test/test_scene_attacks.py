@@ -141,6 +141,29 @@ def test_a_table_on_many_legs_is_not_pressed(first):
         assert not answer.adjustments
 
 
+@pytest.mark.parametrize("masses", [(0.02, 1e-6, 1e5), (0.1, 1e-6, 1e5), (1.0, 1e-5, 1e6), (1.0, 1e-3, 1e9)])
+def test_a_light_box_between_heavy_ones_does_not_hide_how_loads_are_shared(masses):
+    """To doubles, the contacts on both sides of it depend on each other."""
+    pairs, contacts = [], []
+    for level in range(3):
+        for corner, e in zip(box().contacts, (0.0, 0.5, 1.0, 0.5), strict=True):
+            pairs.append((level, level - 1 if level else 3))
+            contacts.append(corner._replace(position=corner.position + Vec3(0.0, 0.0, level), restitution=e))
+    bodies = [
+        Body.box(mass, (1.0, 1.0, 1.0), position=(0.0, 0.0, level + 0.5), velocity=(0.0, 0.0, speed))
+        for level, (mass, speed) in enumerate(zip(masses, (0.0, -1.0, 1.0), strict=True))
+    ]
+    for seed in range(5):
+        order = random.Random(seed).sample(range(12), 12)
+        shuffled = [contacts[i] for i in order]
+        answer = resolve_scene([*bodies, Body.static()], [pairs[i] for i in order], shuffled)
+        assert answer.contacts[0].restitution == pytest.approx(0.5)
+        assert answer.error_bound < 1e-7
+        assert [tuple(change.angular) for change in answer.changes] == [
+            pytest.approx((0, 0, 0), abs=1e-9)
+        ] * 4
+
+
 @pytest.mark.parametrize("seed", range(10))
 def test_many_contacts_of_unequal_restitution_share_their_load(seed):
     """Which share each has follows from impulses that have no effect, to the last of 32 digits."""

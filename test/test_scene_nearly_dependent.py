@@ -78,6 +78,29 @@ def test_the_order_of_contacts_changes_nothing_beyond_the_bound(seed):
         assert answer.kinetic_energy_after <= answer.kinetic_energy_before
 
 
+@pytest.mark.parametrize("seed", range(1, 11))
+@pytest.mark.parametrize("off", [1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-5])
+def test_a_load_at_the_edge_of_a_patch_is_shared_along_the_edge(off, seed):
+    """A table on a dozen legs, of which the three on one side strike first."""
+    rng = random.Random(seed)
+    table = Body.box(
+        0.5,
+        (0.5, 0.1, 2.0),
+        position=(0.0, 0.0, 0.5),
+        velocity=(-1.5, 0.5, -0.5),
+        angular_velocity=(1.0, 0.0, 1.0),
+    )
+    normals = [(off * rng.uniform(-1, 1), off * rng.uniform(-1, 1), 1.0) for _ in range(12)]
+    places = [(x / 2, y / 6, 0.0) for x in (-1, 0, 1) for y in (-3, -1, 1, 3)]
+    contacts = [Contact.of(place, normal, 1.0, 3.0) for place, normal in zip(places, normals, strict=True)]
+    scene = Scene([table, Body.static()], [(0, 1)] * 12, contacts)
+    flat = scene.with_contacts(normal=(0.0, 0.0, 1.0)).resolve()
+    for _ in range(4):
+        answer = scene._replace(contacts=rng.sample(contacts, 12)).resolve()
+        assert answer.error_bound < 0.05
+        assert distance(scene, answer, flat) <= answer.error_bound + flat.error_bound + 100 * off
+
+
 @pytest.mark.parametrize("law, mu", LAWS)
 @pytest.mark.parametrize("seed", range(12))
 def test_corners_rounded_to_float32(seed, law, mu):

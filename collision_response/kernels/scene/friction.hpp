@@ -57,7 +57,7 @@ constexpr double GREATEST_FRICTION = 1e30, LEAST_FRICTION = 1e-30, GREATEST_IN_O
 
 // Loads that are rounding. UNLOADED: relative to the greatest load, in double-double. UNSHARED: for a load that came
 // from sharing loads among contacts, in doubles, relative to other loads of its bodies, or to the greatest if they have
-// none.
+// none. If loads are shared that have different effects, it may be ten times that difference.
 constexpr double UNLOADED = 0x1p-80, UNSHARED = 1e-10;
 
 // A contact as a cone, with impulses in units that make n.K n of every contact 1, and velocities in units of `speed`.
@@ -145,7 +145,7 @@ inline ClusterImpulses least_work_friction(const Assembly& assembly, const Clust
     for (int body : assembly.contacts[i].body)
       if (body >= 0) nearby = std::fmax(nearby, most[body]);
     bool is_new = shared[i] > 2 * own[i] || shared[i] < own[i] / 2;
-    return is_new ? UNSHARED * (nearby > 0 ? nearby : speed) : UNLOADED * speed;
+    return is_new ? std::fmax(UNSHARED, 10 * difference) * (nearby > 0 ? nearby : speed) : UNLOADED * speed;
   };
   std::vector<int> loaded;
   bool has_friction = false;
@@ -155,14 +155,14 @@ inline ClusterImpulses least_work_friction(const Assembly& assembly, const Clust
     const AssembledContact& contact = assembly.contacts[i];
     normal_only[i] = {own[i] * contact.length, 0, 0};
     as_given.apply(i, normal_only[i]);
-    as_shared.apply(i, {shared[i] * contact.length, 0, 0});
     if (!(shared[i] / contact.scale > rounding(i))) {
       double slip = std::hypot(contact.axes[1].velocity, contact.axes[2].velocity) * contact.length;
-      if (shared[i] > 0)
+      if (own[i] > 0)
         result.error +=
-            std::sqrt(2 * contact.mu * (shared[i] / contact.scale / speed) * (slip * contact.scale / speed)) * speed;
+            std::sqrt(2 * contact.mu * (own[i] / contact.scale / speed) * (slip * contact.scale / speed)) * speed;
       continue;
     }
+    as_shared.apply(i, {shared[i] * contact.length, 0, 0});
     loaded.push_back(i);
     has_friction = has_friction || contact.mu > LEAST_FRICTION;
     mean += 1 / (contact.scale * contact.scale * contact.length * contact.length);

@@ -3,18 +3,27 @@
 #pragma once
 #include "assembly.hpp"
 
-// A basis of the impulses that do next to nothing: one for each contact that depends on others, by pivots up to
-// `dependent`. Included are those whose effect, squared, is less than `most`. The sum of their effects is added to
-// `effect`, which knows them to doubles. `are_exact`, if given, says whether they do nothing in double-double either.
-inline std::vector<Vector> null_impulses(const Assembly& assembly, double dependent, double most, double& effect,
-                                         bool* are_exact = nullptr) {
+// Impulses that do next to nothing: a basis, with one for each contact that depends on others.
+struct NullImpulses {
+  std::vector<Vector> basis;
+  double effect = 0;  // the sum of their effects, known to doubles
+  bool are_exact = true;  // whether they do nothing in double-double either
+  bool are_complete = true;  // whether no contact was left out because the effect of its impulses is too great
+};
+
+// Find null impulses by pivots up to `dependent`, in the digits of R. Left out are those whose effect, squared, is `most`
+// or greater.
+template <class R>
+NullImpulses null_impulses_in(const Assembly& assembly, double dependent, double most) {
   constexpr double ROUNDING = 0x1p-90;  // relative to the effects of the single impulses, which cancel
   constexpr int REFINEMENTS = 3;
   const int count = assembly.count;
   const std::vector<AssembledContact>& contacts = assembly.contacts;
-  const Vector& A = assembly.A;
+  std::vector<R> matrix;
+  if constexpr (is_scalar<R>) matrix = assembly.A;
+  else matrix = assembly.couplings<R>();
   // Moving walls add a row for their work, which impulses of the same effect must not change either.
-  Vector u(count), B, scale(count);
+  Vector u(count), scale(count);
   double fastest = 0;
   for (const AssembledContact& contact : contacts)
     fastest = std::fmax(fastest, std::fabs(high(contact.velocity)) * contact.scale);
@@ -22,22 +31,21 @@ inline std::vector<Vector> null_impulses(const Assembly& assembly, double depend
     u[i] = assembly.has_moving_wall && fastest > 0 ? high(contacts[i].velocity) * contacts[i].scale / fastest : 0;
     scale[i] = contacts[i].scale / std::sqrt(1 + u[i] * u[i]);
   }
-  if (assembly.has_moving_wall) {
-    B = A;
+  if (assembly.has_moving_wall)
     for (int i = 0; i < count; ++i)
       for (int j = 0; j < count; ++j)
-        B[i * count + j] =
-            i == j ? 1 : (A[i * count + j] + u[i] * u[j]) * scale[i] / contacts[i].scale * scale[j] / contacts[j].scale;
-  }
-  ActiveSet<double> basis(assembly.has_moving_wall ? B.data() : A.data(), count);
-  std::vector<Vector> found;
-  Vector w;
+        matrix[i * count + j] = (scale[i] / contacts[i].scale * (scale[j] / contacts[j].scale)) *
+                                (matrix[i * count + j] + constant<R>(u[i]) * constant<R>(u[j]));
+  ActiveSet<R> basis(matrix.data(), count);
+  NullImpulses found;
+  std::vector<R> w;
   for (int i : basis.span(assembly.all_contacts(), dependent)) {
     std::vector<DD> z(count);
     basis.line(i, w);
     z[i].h = scale[i];
-    for (size_t m = 0; m < w.size(); ++m) z[basis.members[m]].h = -w[m] * scale[basis.members[m]];
-    // Doubles take its effect for 0: compute that in double-double, and refine z until it is 0.
+    for (size_t m = 0; m < w.size(); ++m)
+      z[basis.members[m]] = lifted<DD>(w[m] * constant<R>(-scale[basis.members[m]]));
+    // These digits take its effect for 0: compute that in double-double, and refine z until it is 0.
     double square = 0;
     bool is_exact = false;
     for (int turn = 0;; ++turn) {
@@ -58,22 +66,36 @@ inline std::vector<Vector> null_impulses(const Assembly& assembly, double depend
       if (is_exact || turn == REFINEMENTS) break;
       for (size_t m = 0; m < w.size(); ++m) {
         int j = basis.members[m];
-        w[m] = -(high(assembly.velocity_change(contacts[j], twists)) + u[j] / contacts[j].scale * work) * scale[j];
+        const double change = high(assembly.velocity_change(contacts[j], twists));
+        w[m] = constant<R>(-(change + u[j] / contacts[j].scale * work) * scale[j]);
       }
       basis.solve(w.data());
       for (size_t m = 0; m < w.size(); ++m)
-        z[basis.members[m]] = z[basis.members[m]] + DD{w[m] * scale[basis.members[m]], 0};
+        z[basis.members[m]] = z[basis.members[m]] + lifted<DD>(w[m] * constant<R>(scale[basis.members[m]]));
     }
-    if (!(std::fabs(square) < most)) continue;
-    found.push_back(rounded(z.data(), count));
-    effect += std::sqrt(std::fabs(square));
-    if (are_exact) *are_exact = *are_exact && is_exact;
+    if (!(std::fabs(square) < most)) {
+      found.are_complete = false;
+      continue;
+    }
+    found.basis.push_back(rounded(z.data(), count));
+    found.effect += std::sqrt(std::fabs(square));
+    found.are_exact = found.are_exact && is_exact;
   }
   return found;
 }
 
-// Replace p by the p + Z z >= 0 of least norm.
-inline void minimise_norm(const Assembly& assembly, Vector& p, bool over_copies, std::vector<Vector> Z) {
+// The impulses that do nothing, to 13 digits. In doubles, contacts of very light bodies seem to depend on each other, and
+// hide those that do.
+inline NullImpulses null_impulses(const Assembly& assembly) {
+  constexpr double MOST = 1e-26;
+  NullImpulses found = null_impulses_in<double>(assembly, DEPENDENT<double>, MOST);
+  return found.are_complete ? found : null_impulses_in<DD>(assembly, MOST, MOST);
+}
+
+// Replace p by the p + Z z >= 0 of least norm. `room`: how far below 0 an impulse may come, relative to the greatest,
+// before it is set to 0.
+inline void minimise_norm(const Assembly& assembly, Vector& p, bool over_copies, std::vector<Vector> Z,
+                          double room = 0) {
   constexpr double ROUNDING = 0x1p-46;
   const int count = assembly.count;
   Vector weight(count), P(count), terms(count);  // terms: the sum of the sizes of what P is the sum of
@@ -116,13 +138,13 @@ inline void minimise_norm(const Assembly& assembly, Vector& p, bool over_copies,
   for (int i : among)
     for (int j : among)
       if (i != j) dual[i * count + j] = rows(i, j) * s[i] * s[j];
-  auto with_room = [&](double room) {
-    for (int i : among) b[i] = (P[i] + room * greatest) * s[i];
+  auto with_room = [&](double least) {
+    for (int i : among) b[i] = (P[i] + least * greatest) * s[i];
     return minimise(dual, b, among);
   };
-  Minimum<double> solved = with_room(0);
+  Minimum<double> solved = with_room(room);
   // Where impulses are just 0, rounding may leave no solution without some room.
-  if (solved.status != MinimumStatus::FOUND) solved = with_room(1e-13);
+  if (solved.status != MinimumStatus::FOUND) solved = with_room(std::fmax(room, 1e-13));
   if (solved.status != MinimumStatus::FOUND) return;
   const Vector& x = solved.x;
   for (const Vector& z : Z) {
@@ -134,27 +156,24 @@ inline void minimise_norm(const Assembly& assembly, Vector& p, bool over_copies,
 }
 
 // Replace p by the impulses >= 0 of the same effect with the least sum of n.n p^2, over all copies of contacts if
-// `over_copies`. Whether several impulses have this effect.
-inline bool least_norm(const Assembly& assembly, Vector& p, bool over_copies) {
-  double effect = 0;
-  std::vector<Vector> Z = null_impulses(assembly, DEPENDENT<double>, 1e-26, effect);
-  if (Z.empty()) return false;
-  minimise_norm(assembly, p, over_copies, std::move(Z));
-  return true;
+// `over_copies`.
+inline void least_norm(const Assembly& assembly, Vector& p, bool over_copies) {
+  NullImpulses found = null_impulses(assembly);
+  if (!found.basis.empty()) minimise_norm(assembly, p, over_copies, std::move(found.basis));
 }
 
 // Replace p as least_norm() does, and set `nearly` to the impulses of nearly the same effect with the least norm.
 // Returns the difference in their effects, at most, for a load of 1 on each contact, in the metric of kinetic energy.
 inline double share_loads(const Assembly& assembly, Vector& p, Vector& nearly) {
-  double effect = 0;
-  std::vector<Vector> Z = null_impulses(assembly, NEARLY_DEPENDENT, 1, effect);
-  if (effect > 0x1p-50 * assembly.count) {
+  NullImpulses found = null_impulses_in<double>(assembly, NEARLY_DEPENDENT, 1);
+  if (found.effect > 0x1p-50 * assembly.count) {
     least_norm(assembly, p, false);
     nearly = p;
-    minimise_norm(assembly, nearly, false, std::move(Z));
+    // A load at the edge of a patch stays at the edge: contacts inside of it may not seem to pull because of the effect.
+    minimise_norm(assembly, nearly, false, std::move(found.basis), found.effect);
   } else {  // contacts depend on others or are independent, and none is between
-    if (!Z.empty()) minimise_norm(assembly, p, false, std::move(Z));
+    if (!found.basis.empty()) minimise_norm(assembly, p, false, std::move(found.basis));
     nearly = p;
   }
-  return effect;
+  return found.effect;
 }

@@ -86,9 +86,8 @@ struct Reflections {
       if (!(high(after[i]) > width(after[i]) + first.error / assembly.contacts[i].scale)) pressed.push_back(i);
     if (are_equal(pressed)) return most;
     Vector shared = rounded(q.data(), assembly.count);
-    double unused = 0;
-    bool is_exact = true;
-    const std::vector<Vector> Z = null_impulses(assembly, DEPENDENT<double>, 1e-26, unused, &is_exact);
+    const NullImpulses null = null_impulses(assembly);
+    const std::vector<Vector>& Z = null.basis;
     const bool is_unique = Z.empty();
     if (!is_unique) minimise_norm(assembly, shared, false, Z);
     // In units near the greatest, because the works may be out of the range of doubles.
@@ -127,7 +126,7 @@ struct Reflections {
     for (size_t k = 0; k < c.size(); ++k) square += high(c[k] * z[k]);
     double doubt = first.error / load * std::sqrt(square) / -high(below);
     // If impulses of Z do little, but not nothing, these contacts may not be free to share their load evenly.
-    for (size_t k = 0; !is_exact && k < Z.size(); ++k) {
+    for (size_t k = 0; !null.are_exact && k < Z.size(); ++k) {
       double work = 0, size = 0;
       for (int i : pressed) {
         const AssembledContact& contact = assembly.contacts[i];
