@@ -134,6 +134,14 @@ def test_integers_beyond_float64_are_refused_by_name(solid, mass, power):
 
 
 @pytest.mark.parametrize("solid", CONSTRUCTORS)
+@pytest.mark.parametrize("number", [np.float16, np.float32, np.array])
+def test_numbers_of_numpy_lose_no_digits(solid, number):
+    assert solid(number(0.75), number(300.5)) == solid(0.75, 300.5)
+    placed = [(number(0.75), (number(300.5), number(0.0), number(-0.25)))]
+    assert mp.of_particles(placed * 2) == mp.of_particles([(0.75, (300.5, 0.0, -0.25))] * 2)
+
+
+@pytest.mark.parametrize("solid", CONSTRUCTORS)
 @pytest.mark.parametrize("integer", [np.int8, np.uint8, np.int16])
 def test_integers_of_numpy_do_not_overflow(solid, integer):
     assert solid(integer(100), integer(20)) == solid(100, 20)

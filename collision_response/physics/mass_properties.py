@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
-from numbers import Integral
 from typing import Any, NamedTuple, ParamSpec
 
 from ..numbers.operations import Scalar
@@ -211,8 +210,8 @@ def _checked(**numbers: Scalar) -> list[Scalar]:
 
 
 def _plain(x: Scalar) -> Scalar:
-    """Return an integer as Python's, because NumPy's overflow; any other number as it is."""
-    return int(x) if isinstance(x, Integral) else x
+    """Return a number of NumPy as one of Python: small integers and floats overflow or lose digits."""
+    return x.item() if hasattr(x, "item") else x
 
 
 def _principal(mass: Scalar, xx: Scalar, yy: Scalar, zz: Scalar) -> MassProperties:
