@@ -40,14 +40,13 @@ PAIR = Scene(
 )
 """Two bodies in space that rotate, with orientations."""
 
+
+def _aligned(body: Body) -> Body:
+    return body._replace(orientation=None, inertia=body.inertia._replace(xy=0.0, xz=0.0, yz=0.0))
+
+
 ALIGNED = Scene(
-    Body.dynamic(
-        2.0, (0.3, 0.0, 0.0, 0.4, 0.0, 0.5), (0.1, 0.2, 0.6), None, (0.3, -0.2, -1.5), (0.4, -0.7, 0.9)
-    ),
-    Body.dynamic(
-        3.0, (0.5, 0.0, 0.0, 0.6, 0.0, 0.7), (-0.2, 0.1, -0.5), None, (-0.1, 0.2, 0.8), (0.2, 0.5, -0.3)
-    ),
-    Contact.of((0.05, 0.1, 0.02), (0.0, 0.0, 1.0), 0.5),
+    _aligned(PAIR.body_a), _aligned(PAIR.body_b), Contact.of((0.05, 0.1, 0.02), (0.0, 0.0, 1.0), 0.5)
 )
 """The same as ``PAIR`` for the peers: axes parallel to the world's, no friction."""
 

@@ -54,7 +54,7 @@ def _rounded(value: Any) -> Any:
 def _compact(value: Any, indent: str = "") -> str:
     """JSON text in which every part that fits in one line is on one line."""
     line = json.dumps(value, ensure_ascii=False)
-    if len(indent) + len(line) <= 150 or not isinstance(value, (dict, list)):
+    if len(indent) + len(line) <= 200 or not isinstance(value, (dict, list)):
         return line
     inner = indent + " "
     if isinstance(value, dict):

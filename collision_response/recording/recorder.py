@@ -153,12 +153,13 @@ class Recorder:
         self._worker.join(min(timeout, threading.TIMEOUT_MAX))
         if self._worker.is_alive():
             self._report(f"recording {self.path} is not complete: the disk took more than {timeout:g} s")
-        if self.dropped:
-            self._report(f"recording {self._first} lacks {self.dropped} entries, which came too fast")
-        if self.unwritable:
-            self._report(f"recording {self._first} lacks {self.unwritable} entries, which cannot be written")
-        if self.untimed:
-            self._report(f"recording {self._first} lacks {self.untimed} body states, which had no stamp")
+        for count, which in (
+            (self.dropped, "entries, which came too fast"),
+            (self.unwritable, "entries, which cannot be written"),
+            (self.untimed, "body states, which had no stamp"),
+        ):
+            if count:
+                self._report(f"recording {self._first} lacks {count} {which}")
 
     def _work(self) -> None:
         problem = "not recording to {}: {}"

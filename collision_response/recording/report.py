@@ -148,10 +148,8 @@ def _time_plot(summary: Summary, shown: np.ndarray) -> SvgPlot | None:
     duration = _column(rows, "duration")
     if not np.isfinite(duration).any():
         return None
-    x, key = _limits(number), _regime_key(rows)
-    plot = SvgPlot("Time to compute [s]", "answer", x, (-6.0, 0.0), log_y=True, key=key)
-    heights = np.log10(np.clip(duration, 1e-6, 1.0))
-    plot.points(number[shown], heights, [_colour(row["regime"]) for row in rows], [*map(_label, rows)])
+    plot = SvgPlot("Time to compute [s]", "answer", _limits(number), (-6.0, 0.0), log_y=True)
+    plot.impacts(number[shown], np.log10(np.clip(duration, 1e-6, 1.0)), rows)
     return plot
 
 
@@ -166,18 +164,10 @@ def _cone_plot(summary: Summary, shown: np.ndarray) -> SvgPlot | None:
         slope = np.divide(across, along, out=np.full_like(across, np.nan), where=has_cone)
     limits = _limits(1.05 * np.minimum([0.0, *mu[has_cone], *slope[has_cone]], MOST))
     title = "Impulses in their cones: tangential over normal"
-    plot = SvgPlot(title, "friction", limits, limits, key=_regime_key(rows))
+    plot = SvgPlot(title, "friction", limits, limits)
     plot.line(np.array(limits), np.array(limits), GREY, "edge of the cone")
-    plot.points(mu, slope, [_colour(row["regime"]) for row in rows], [*map(_label, rows)])
+    plot.impacts(mu, slope, rows)
     return plot
-
-
-def _regime_key(rows: list[Row]) -> dict[str, Colour]:
-    return {regime: _colour(regime) for regime in sorted({row["regime"] for row in rows})}
-
-
-def _colour(regime: str) -> Colour:
-    return REGIMES.get(regime, GREY)  # grey: of another version
 
 
 def _tables(summary: Summary) -> Iterator[str]:
@@ -230,6 +220,12 @@ class SvgPlot:
             if math.isfinite(b):
                 dot = f'<circle cx="{a:.1f}" cy="{b:.1f}" r="2.5" fill="{_css(colour)}">'
                 self.marks.append(f"{dot}<title>{escape(title)}</title></circle>")
+
+    def impacts(self, x: np.ndarray, y: np.ndarray, rows: Sequence[Row]) -> None:
+        """Add a dot for each impact, with the colour of its regime; grey: a regime of another version."""
+        colours = [REGIMES.get(row["regime"], GREY) for row in rows]
+        self.points(x, y, colours, [*map(_label, rows)])
+        self.key |= dict(sorted(zip((row["regime"] for row in rows), colours, strict=True)))
 
     def svg(self) -> str:
         """SVG text of the plot."""
