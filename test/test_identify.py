@@ -78,6 +78,17 @@ def test_coefficients_are_recovered_from_clean_data(law):
     assert found.misfit < SOLVED
 
 
+@pytest.mark.parametrize(
+    ("law", "e"),
+    [(Law.COULOMB, 0.0), (Law.MOREAU, 0.95), (Law.ROUTH_POISSON, 0.95), (Law.ROUTH_STRONGE, 0.5)],
+)
+def test_coefficients_are_found_where_most_impacts_stick(law, e):
+    """Where all impacts stick, friction has no effect, and a search that starts there stays there."""
+    found = identify(cubes(12, e, 0.8, seed=2, law=law), law, resamples=2)
+    assert [*found.values.values()] == pytest.approx([e, 0.8], abs=SOLVED)
+    assert found.misfit < SOLVED
+
+
 @pytest.mark.parametrize("loss", ["soft_l1", "huber", "cauchy", "arctan"])
 @pytest.mark.parametrize("wrong", [3.0, 30.0, 1e3])
 def test_one_outlier_hides_no_coefficient(wrong, loss):

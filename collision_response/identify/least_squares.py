@@ -62,7 +62,7 @@ LOSSES: dict[str, Callable[[Array], Array]] = {
 """SciPy's loss functions: from a squared residual to its part of the cost, both over the squared scale."""
 
 SEARCHES = 4
-"""Number of searches: they start at the points with the smallest sums of squares."""
+"""Number of searches if friction is not fitted, from the points with the smallest sums of squares."""
 
 
 def residual_unit(measured: Measurements, kind: str) -> float:
@@ -127,9 +127,17 @@ class LeastSquares(NamedTuple):
             return np.full(self.measured.is_measured(self.kind).size, UNANSWERED_RESIDUAL)
 
     def start(self) -> Array:
-        """Return the point where the final search begins: the best of rough solutions from several points."""
+        """Return the point where the final search begins: the best of rough solutions from several points.
+
+        They are the best point for each value of friction: where all impacts stick, friction has no effect,
+        and no search leaves that region, however many start there.
+        """
         places = sorted(product(*(RANGES[name].starts for name in self.names)), key=self.squares)
-        found = (self.solve(np.array(place), ROUGH_PRECISION) for place in places[:SEARCHES])
+        chosen = places[:SEARCHES]
+        if "friction" in self.names:
+            i = self.names.index("friction")
+            chosen = [*{place[i]: place for place in reversed(places)}.values()]
+        found = (self.solve(np.array(place), ROUGH_PRECISION) for place in chosen)
         return min(found, key=lambda one: one.cost).x
 
     def squares(self, x: Iterable[float]) -> float:
