@@ -202,7 +202,7 @@ class Server:
     def _steps(self, call: Call) -> Steps:
         """Answer a request, unless its client has left.
 
-        No exception may leave this method: it would end ``spin()``.
+        No exception but ``InvalidHandle`` may leave this method: it would end ``spin()``.
         """
         clients, client = call.clients, call.client
         deadline = call.received + MAX_DISCOVERY_TIME
