@@ -59,8 +59,17 @@ def test_ros_tools_read_the_package_and_its_changelog():
     assert (released[0], warnings) == (package.version, [])
 
 
-def test_environments_of_one_python_share_the_kernels(tmp_path, monkeypatch):
-    """Otherwise each would recompile them and replace those of the others."""
+def made_elsewhere(ninja, cache):
+    cache.write_text(
+        cache.read_text().replace("_CACHEFILE_DIR:INTERNAL=", "_CACHEFILE_DIR:INTERNAL=/elsewhere")
+    )
+
+
+@pytest.mark.parametrize("spoil", [lambda ninja, _: ninja.unlink(), made_elsewhere], ids=["gone", "copied"])
+def test_environments_of_one_python_share_the_kernels(tmp_path, monkeypatch, spoil):
+    """Otherwise each would recompile them and replace those of the others. A build that lost its ninja with
+    its environment is made again, and so is one that was copied: it would compile the sources of its origin.
+    """
     monkeypatch.syspath_prepend(str(ROOT / "tools"))
     import setup_venv
 
@@ -72,9 +81,10 @@ def test_environments_of_one_python_share_the_kernels(tmp_path, monkeypatch):
         file.touch()
     ninja.write_text("#!/bin/sh\n")
     ninja.chmod(0o755)
-    (kernels.path / "CMakeCache.txt").write_text(f"CMAKE_MAKE_PROGRAM:FILEPATH={ninja}\n")
+    cache = kernels.path / "CMakeCache.txt"
+    cache.write_text(f"CMAKE_MAKE_PROGRAM:FILEPATH={ninja}\nCMAKE_CACHEFILE_DIR:INTERNAL={kernels.path}\n")
     assert kernels.wait(kernels.start()) == [module]
-    ninja.unlink()  # with its environment
+    spoil(ninja, cache)
     assert kernels.start().wait() != 0
     assert not module.exists()
 

@@ -157,12 +157,16 @@ class Kernels:
         self.log = ROOT / ".kernels" / "build.log"
 
     def ninja(self):
-        """Return the ninja that the build uses, of this or another environment; ``None`` if it is gone."""
+        """Return the ninja that the build uses, of this or another environment.
+
+        ``None`` if it is gone, or if the build is a copy, or of a tree that was moved: it would compile the
+        sources of the other place.
+        """
         cache = self.path / "CMakeCache.txt"
-        if not cache.exists():
-            return None
-        found = re.search(r"^CMAKE_MAKE_PROGRAM:\w+=(.+)$", cache.read_text(), re.M)
-        return found[1] if found and Path(found[1]).exists() else None
+        settings = dict(re.findall(r"^(\w+):\w+=(.*)$", cache.read_text(), re.M)) if cache.exists() else {}
+        ninja = settings.get("CMAKE_MAKE_PROGRAM", "")
+        is_here = settings.get("CMAKE_CACHEFILE_DIR") == str(self.path)
+        return ninja if is_here and Path(ninja).is_file() else None
 
     def start(self):
         """Start building what is not up to date, and return the process."""
