@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from itertools import product
 
 import pytest
 
@@ -20,17 +21,24 @@ from collision_response.ros.serialized import (
     SerializedState,
     SerializedTable,
 )
-from collision_response.ros.states import LatestStates
+from collision_response.ros.states import MAX_DELAY, LatestStates
 
 NOW = 1_000 * 10**9
 
 
 class StateStore:
-    """Latest states with a clock that stands still, and everything that they report."""
+    """Latest states with a clock that stands still, and everything that they report.
+
+    Messages arrive every millisecond; ``seconds`` is when the last one did.
+    """
 
     def __init__(self, most=100):
         self.reports = []
-        self.states = LatestStates(most, lambda: NOW, lambda _, text: self.reports.append(text))
+        self.seconds = 0.0
+        self.states = LatestStates(
+            most, lambda: NOW, lambda _, text: self.reports.append(text()), lambda: self.seconds
+        )
+        self.states.name_of = "number {0[0]}".format
         self._numbers = {}
 
     def hear(self, state, publisher=1, number=None):
@@ -38,6 +46,7 @@ class StateStore:
         info = {"publication_sequence_number": number}
         if publisher is not None:
             info["publisher_gid"] = {"data": bytes([publisher]) * 16}
+        self.seconds += 0.001
         message = state if isinstance(state, bytes) else serialize_message(state)
         if isinstance(state, BodyStates):
             self.states.add_table(message, info)
@@ -71,6 +80,21 @@ def table(names, seconds=0, speed=0.0):
     return message
 
 
+def state(seconds, speed):
+    return left(speed, seconds)
+
+
+def table_of_left(seconds, speed):
+    return table(["left"], seconds, speed)
+
+
+KINDS = pytest.mark.parametrize(
+    "kinds",
+    [*product([state, table_of_left], repeat=2)],
+    ids=lambda kinds: ", ".join(kind.__name__ for kind in kinds),
+)
+"""Two functions that make a message with a state of ``left``."""
+
 # which state is the latest
 
 
@@ -80,8 +104,10 @@ def test_the_state_with_the_later_stamp_is_used_whatever_arrives_last():
     store.hear(left(1.0, 10))
     assert store.speed() == 2.0
     assert store.states.outdated == 1
-    (report,) = store.reports
-    assert report.startswith("a state older than the known one is ignored, 1 in all: ")
+    assert store.reports == [
+        "a state of 'left' is 1 s older than the known one and is ignored; "
+        "if time was set back, as when a bag starts again, use /clock and use_sim_time"
+    ]
 
 
 def test_with_equal_or_missing_stamps_the_last_to_arrive_is_used():
@@ -150,16 +176,41 @@ def test_of_a_table_and_a_state_the_later_is_used():
     [(5000, 999), (5000, 4000), (10, 0), (0, 10), (10, 10), (-10, 0)],
     ids=["future, past", "future, future", "stamp, none", "none, stamp", "equal", "before 1970, none"],
 )
-@pytest.mark.parametrize("kinds", ["state, table", "table, state", "table, table", "state, state"])
+@KINDS
 def test_the_last_to_arrive_is_used_whatever_message_it_came_in(known, new, kinds):
     """Unless its stamp is earlier, and both stamps are present and plausible."""
-    store = StateStore()
-    for publisher, (kind, seconds) in enumerate(zip(kinds.split(", "), (known, new), strict=True), 1):
-        speed = float(publisher)
-        state = table(["left"], seconds, speed) if kind == "table" else left(speed, seconds)
-        store.hear(state, publisher)
+    store, (first, second) = StateStore(), kinds
+    store.hear(first(known, 1.0), 1)
+    store.hear(second(new, 2.0), 2)
     assert store.speed() == 2.0
     assert store.states.outdated == 0
+
+
+@KINDS
+@pytest.mark.parametrize("publisher", [1, 2])
+def test_time_that_was_set_back_shuts_nothing_out_for_long(kinds, publisher):
+    """As when a simulation starts again, but the node uses the time of the system."""
+    store, (first, second) = StateStore(), kinds
+    store.hear(first(900, 1.0), 1)
+    store.hear(second(1, 2.0), publisher)
+    assert store.speed() == 1.0
+    advice = "if time was set back, as when a bag starts again, use /clock and use_sim_time"
+    if publisher == 2:
+        advice = "the publishers are number 1 and number 2: do their clocks agree?"
+    assert store.reports[-1].endswith(f"is 899 s older than the known one and is ignored; {advice}")
+    store.seconds += MAX_DELAY
+    store.hear(second(2, 3.0), publisher)
+    assert store.speed() == 3.0
+
+
+@KINDS
+def test_a_publisher_whose_clock_is_late_does_not_interrupt_another(kinds):
+    store, (first, second) = StateStore(), kinds
+    for seconds in range(1, 10):
+        store.hear(first(500 + seconds, 1.0), 1)
+        store.hear(second(seconds, 2.0), 2)
+        store.seconds += MAX_DELAY / 2
+        assert store.speed() == 1.0
 
 
 def test_a_table_replaces_the_previous_table_of_its_publisher_only():
@@ -264,7 +315,7 @@ def test_two_publishers_of_one_name_are_reported_once():
     for publisher in (1, 2, 1, 2, 1):
         store.hear(left(0.0), publisher=publisher)
     assert [report for report in store.reports if "two publishers" in report] == [
-        "two publishers send states of 'left': the state with the latest stamp is used"
+        "two publishers send states of 'left', number 1 and number 2: the state with the latest stamp is used"
     ]
 
 

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import types
+from functools import partial
 from itertools import count
 from pathlib import Path
 
@@ -223,7 +224,7 @@ def test_warnings_are_throttled_by_subject_and_in_total(things):
     warn = ThrottledWarnings(said.append, lambda: now)
     for now in (0.0, 0.5 * WARNING_INTERVAL, WARNING_INTERVAL, 1.5 * WARNING_INTERVAL):
         for thing in range(things):
-            warn(f"about {thing}", f"{thing} at {now}")
+            warn(f"about {thing}", partial("{} at {}".format, thing, now))
     assert said == [
         f"{thing} at {now}" for now in (0.0, WARNING_INTERVAL) for thing in range(min(things, MAX_SUBJECTS))
     ]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import os
 
 import pytest
 
 pytest.importorskip("rclpy")
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 from ros_graph import DEADLINE, assign, ball, balls_meet, wait_until
@@ -98,6 +100,27 @@ def test_a_publisher_that_a_reliable_subscription_cannot_hear_is_warned_about(gr
     graph.user.create_publisher(BodyStates, topic, qos_profile_sensor_data)
     warning = f"New publisher discovered on topic '{topic}', offering incompatible QoS. "
     wait_until(lambda: any(text.startswith(warning) for text in logged))
+
+
+@pytest.mark.skipif(os.environ.get("ROS_DISTRO") == "jazzy", reason="its rclpy names no publishers")
+def test_a_warning_about_stamps_names_the_publishers(graph):
+    logged, space = graph.log(), graph.namespace
+    graph.serve()
+    other = graph.add(Node("other", context=graph.context, namespace=space))
+    late, publisher = other.create_publisher(BodyState, "body_states", 10), Publisher(graph)
+    publisher.publish(left_ball(stamp=500.0))
+    warning = (
+        "a state of 'left' is 400 s older than the known one and is ignored; "
+        f"the publishers are {space}/user on {space}/body_states and {space}/other on {space}/body_states: "
+        "do their clocks agree?"
+    )
+
+    def warned():
+        publisher.send(left_ball(stamp=500.0))
+        late.publish(left_ball(stamp=100.0))
+        return warning in logged
+
+    wait_until(warned)
 
 
 def test_an_unknown_body_is_refused_with_the_names_that_are_known(graph):

@@ -228,8 +228,8 @@ def check_texts(request: Any, fields: Sequence[str]) -> None:
     for field in too_long:
         owner, _, name = field.rpartition(".")
         setattr(_getter(owner)(request), name, _getter(field)(request)[:MAX_TEXT])
-    for field, length in too_long.items():
-        raise _too_long(field, length)
+    if too_long:
+        raise _too_long(*next(iter(too_long.items())))
 
 
 def _too_long(field: str, length: int) -> ImpactError:

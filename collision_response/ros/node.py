@@ -108,11 +108,12 @@ class CollisionResponseNode(Node):
         )
         warm_up()
         topics = {self._resolved(topic): topic for topic in value("body_state_topics") if topic}
+        self._state_topics = [*topics, self._resolved(TABLE_TOPIC)]
         self._state_inputs = [
             *(self._subscribe(BodyState, topic, STATE_QOS, self._add_state) for topic in topics.values()),
             self._subscribe(BodyStates, TABLE_TOPIC, TABLE_QOS, self._states.add_table),
         ]
-        self._states.take_all = self._take_states
+        self._states.take_all, self._states.name_of = self._take_states, self._publisher_name
         counters = Counters()
         Diagnostics(self, counters, self._states, self._entries_not_recorded, lambda: self._server.waiting())
         parameters.warn_of_unknown(self, given)
@@ -198,6 +199,14 @@ class CollisionResponseNode(Node):
         for state_input in self._state_inputs:
             state_input.take_all()
 
+    def _publisher_name(self, publisher: bytes) -> str:
+        """The node and the topic of a publisher of states."""
+        for topic in self._state_topics:
+            for endpoint in self.get_publishers_info_by_topic(topic):
+                if bytes(endpoint.endpoint_gid[:16]) == publisher:
+                    return f"{endpoint.node_namespace.rstrip('/')}/{endpoint.node_name} on {topic}"
+        return "one that has left"
+
     def _add_state(self, message: bytes, info: Any) -> None:
         received = self._states.add(message, info)
         if received is None or self._recorder is None:
@@ -209,7 +218,8 @@ class CollisionResponseNode(Node):
 
     def _on_jump(self, jump: TimeJump) -> None:
         self._states.forget()
-        self._warn("clock", "the clock was changed or set back: the states of all bodies are forgotten")
+        text = "the clock was changed or set back: the states of all bodies are forgotten"
+        self._warn("clock", lambda: text)
 
     def _entries_not_recorded(self) -> int:
         return self._recorder.missing() if self._recorder else 0

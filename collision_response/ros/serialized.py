@@ -34,13 +34,15 @@ class Serialized:
 
     Attributes:
         stamp: stamp of the header [ns].
-        arrival: number of the message in the order of arrival.
+        arrival: when the message was received [s].
+        publisher: identity of its publisher.
 
     Raises:
         MalformedMessage: if the message is too short or too long.
     """
 
-    arrival = 0
+    arrival = 0.0
+    publisher = b""
 
     def __init__(self, message: bytes, max_size: int) -> None:
         if len(message) > max_size:

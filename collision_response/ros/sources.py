@@ -202,7 +202,7 @@ class BodyStatePublisher(Node):
                 try:
                     transform = buffer.lookup_transform(world_frame, frame, Time())
                 except tf2_ros.TransformException as error:
-                    self._warn(f"transforms of {frame}", str(error))
+                    self._warn(f"transforms of {frame}", partial(str, error))
                     continue
                 before, latest[frame] = latest.get(frame, transform), transform
                 if nanoseconds(before.header.stamp) < nanoseconds(transform.header.stamp):
@@ -228,7 +228,7 @@ class BodyStatePublisher(Node):
         try:
             self._publisher.publish(state_of(mass_properties=self._mass_properties_of(frame, locked)))
         except ValueError as error:
-            self._warn(frame, f"{frame!r} is not published: {error}")
+            self._warn(frame, partial("{!r} is not published: {}".format, frame, error))
 
     def _mass_properties_of(self, frame: str, locked: bool) -> MassProperties:
         """Mass properties of a frame's link and all that moves with it.

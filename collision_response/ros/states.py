@@ -6,6 +6,7 @@ the whole message takes ten times as long.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from functools import reduce
 from itertools import chain, islice
@@ -23,6 +24,10 @@ MAX_QUOTED = 60
 MAX_PUBLISHERS = 1000
 """Number of publishers whose messages are counted. Tables are kept of a tenth of that number."""
 
+MAX_DELAY = 1.0
+"""Longest time [s] by which a state that is late counts as late. A state that arrives longer after one with a
+later stamp is the latest all the same: time was set back, or the clocks of two publishers differ."""
+
 
 def quoted(name: str) -> str:
     """Quote a name for an error message; a long one is truncated."""
@@ -30,7 +35,7 @@ def quoted(name: str) -> str:
 
 
 class _Known(NamedTuple):
-    """The latest state of a body, the publisher of the last state, and the publisher before that."""
+    """The latest state of a body, and the publishers of the last state and of the one before it."""
 
     latest: SerializedState
     publisher: bytes
@@ -41,8 +46,8 @@ class LatestStates:
     """The latest states of bodies by their names, from single states and tables.
 
     The latest state is the one with the latest stamp. A state without a stamp counts as the latest when it
-    arrives. So does every state that arrives while the known state is stamped in the future: one wrong clock
-    must not shut out the right ones.
+    arrives. So does a state that arrives while the known state is stamped in the future, or more than
+    ``MAX_DELAY`` after it: one wrong clock must not shut out the right ones.
 
     Attributes:
         received: number of messages received.
@@ -53,20 +58,30 @@ class LatestStates:
         now: returns the time of the node's clock [ns].
         take_all: called before a look-up, to receive the messages that wait on the subscriptions. To be set
             by the owner.
+        name_of: returns what warnings call a publisher. The same.
 
     Args:
         max_bodies: number of bodies to remember from single states, and as many from tables. The least
             recently updated bodies are forgotten first.
         now: returns the time of the node's clock [ns].
-        warn: logs a warning: called with its subject, by which repetitions are suppressed, and its text.
+        warn: logs a warning, as :class:`ThrottledWarnings` does.
+        clock: returns the time [s] of a clock that is never set.
     """
 
-    def __init__(self, max_bodies: int, now: Callable[[], int], warn: Callable[[str, str], object]) -> None:
+    def __init__(
+        self,
+        max_bodies: int,
+        now: Callable[[], int],
+        warn: Callable[[str, Callable[[], str]], object],
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
         self.received = self.lost = self.unreadable = self.outdated = self.evicted = 0
         self.take_all: Callable[[], object] = lambda: None
+        self.name_of: Callable[[bytes], str] = lambda _: "an unknown publisher"
         self._max_bodies = max_bodies
         self.now = now
         self._warn = warn
+        self._clock = clock
         self._by_name: dict[str, _Known] = {}  # ordered by the arrival of the last state
         self._tables: dict[bytes | tuple[str, ...], SerializedTable] = {}  # the same
         self._sequence_numbers: dict[bytes, int] = {}
@@ -83,7 +98,7 @@ class LatestStates:
             The state; ``None`` if it cannot be read or has no name.
         """
         publisher = self._count(info, "states", "publish fewer, or publish BodyStates")
-        state = self._read(SerializedState, message)
+        state = self._read(SerializedState, message, publisher)
         if state is None or not state.name:
             return None
         known = self._by_name.pop(state.name, None)
@@ -95,9 +110,9 @@ class LatestStates:
             return state
         earlier_publisher = known.earlier_publisher
         if publisher != known.publisher:
-            self._check_publisher(state.name, publisher, earlier_publisher)
+            self._check_publisher(state.name, publisher, known)
             earlier_publisher = known.publisher
-        latest = self._count_outdated(known.latest, state)
+        latest = self._count_outdated(known.latest, state, f"a state of {quoted(state.name)}")
         self._by_name[state.name] = _Known(latest, publisher, earlier_publisher)
         return state
 
@@ -107,7 +122,7 @@ class LatestStates:
         If the publisher is unknown, it replaces the previous table with the same names.
         """
         publisher = self._count(info, "tables", "large ones need reliable QoS: see docs/ros.md")
-        table = self._read(SerializedTable, message)
+        table = self._read(SerializedTable, message, publisher)
         if table is None:
             return
         key = publisher or tuple(table.columns)
@@ -115,7 +130,7 @@ class LatestStates:
         if table.size > self._max_bodies:
             self._count_evicted(table.size)
             return
-        self._tables[key] = table if known is None else self._count_outdated(known, table)
+        self._tables[key] = table if known is None else self._count_outdated(known, table, "a table")
         while (
             len(self._tables) > MAX_PUBLISHERS // 10
             or sum(known.size for known in self._tables.values()) > self._max_bodies
@@ -123,9 +138,9 @@ class LatestStates:
             self._count_evicted(self._tables.pop(next(iter(self._tables))).size)
 
     def note_unreadable(self, error: Exception) -> None:
-        """Count a message that could not be taken from the middleware."""
+        """Count a message that could not be taken from the middleware, or not read."""
         self.unreadable += 1
-        self._warn("unreadable", f"a state could not be taken: {error}")
+        self._warn("unreadable", lambda: f"a state could not be read: {error}")
 
     def find(self, field: str, name: str) -> BodyState:
         """Latest state of a body, after the messages that wait have been received.
@@ -139,7 +154,10 @@ class LatestStates:
             candidates.append(self._by_name[name].latest)
         if not candidates:
             raise ImpactError(StatusCode.UNKNOWN_BODY, field, self._unknown(name))
-        latest = reduce(self._later, sorted(candidates, key=lambda message: message.arrival))
+        candidates.sort(key=lambda message: message.arrival)
+        latest, last = reduce(self._later, candidates), candidates[-1]
+        if latest is not last and latest.stamp - last.stamp > MAX_DELAY * 1e9:
+            self._warn_of_outdated(latest, last, f"the last state of {quoted(name)}")
         try:
             return latest.state_of(name)
         except MalformedMessage as error:
@@ -161,31 +179,39 @@ class LatestStates:
             f"is {quoted(name)}, but no state with this name has been received; known bodies: {known_bodies}"
         )
 
-    def _read(self, kind: Any, message: bytes) -> Any:
+    def _read(self, kind: Any, message: bytes, publisher: bytes) -> Any:
         try:
             serialized = kind(message)
         except MalformedMessage as error:
-            self.unreadable += 1
-            self._warn("unreadable", f"a state could not be read: {error}")
+            self.note_unreadable(error)
             return None
-        serialized.arrival = self.received
+        serialized.arrival, serialized.publisher = self._clock(), publisher
         return serialized
 
     def _later(self, old: AnySerialized, new: AnySerialized) -> AnySerialized:
         """The later of two messages, of which ``new`` arrived later."""
-        return new if new.stamp >= old.stamp or not new.stamp or old.stamp > self.now() else old
+        if new.stamp >= old.stamp or not new.stamp or old.stamp > self.now():
+            return new
+        return new if new.arrival - old.arrival > MAX_DELAY else old
 
-    def _count_outdated(self, old: AnySerialized, new: AnySerialized) -> AnySerialized:
-        """The later of two messages; counts ``new`` as outdated if it is not."""
+    def _count_outdated(self, old: AnySerialized, new: AnySerialized, what: str) -> AnySerialized:
+        """The later of two messages; counts ``new`` as outdated if it is not. A warning calls it ``what``."""
         later = self._later(old, new)
         if later is old:
             self.outdated += 1
-            self._warn(
-                "outdated",
-                f"a state older than the known one is ignored, {self.outdated} in all: if time was set "
-                "back, as when a bag or a simulation starts again, use /clock and use_sim_time",
-            )
+            self._warn_of_outdated(old, new, what)
         return later
+
+    def _warn_of_outdated(self, old: Serialized, new: Serialized, what: str) -> None:
+        def text() -> str:
+            reason = "if time was set back, as when a bag starts again, use /clock and use_sim_time"
+            if new.publisher != old.publisher:
+                two = f"{self.name_of(old.publisher)} and {self.name_of(new.publisher)}"
+                reason = f"the publishers are {two}: do their clocks agree?"
+            by = (old.stamp - new.stamp) / 1e9
+            return f"{what} is {by:.6g} s older than the known one and is ignored; {reason}"
+
+        self._warn("outdated", text)
 
     def _count(self, info: Any, kind: str, advice: str) -> bytes:
         """Count a message, and those of the same publisher that were lost since its last one.
@@ -205,24 +231,30 @@ class LatestStates:
             self.lost += number - last - 1
             self._warn(
                 f"lost {kind}",
-                f"{kind} were published but did not arrive, {self.lost} messages in all: {advice}",
+                lambda: f"{kind} were published but did not arrive, {self.lost} messages in all: {advice}",
             )
         self._sequence_numbers[publisher] = number
         return publisher
 
-    def _check_publisher(self, name: str, publisher: bytes, earlier_publisher: bytes | None) -> None:
+    def _check_publisher(self, name: str, publisher: bytes, known: _Known) -> None:
         """Warn if two publishers alternate. One that replaces another for good does not."""
         is_new = name not in self._shared_names and len(self._shared_names) < MAX_PUBLISHERS
-        if publisher == earlier_publisher and is_new:
+        if publisher == known.earlier_publisher and is_new:
             self._shared_names.add(name)
             self._warn(
                 f"publishers of {name}",
-                f"two publishers send states of {quoted(name)}: the state with the latest stamp is used",
+                lambda: (
+                    f"two publishers send states of {quoted(name)}, {self.name_of(publisher)} and "
+                    f"{self.name_of(known.publisher)}: the state with the latest stamp is used"
+                ),
             )
 
     def _count_evicted(self, bodies: int) -> None:
         self.evicted += bodies
         self._warn(
             "evicted",
-            f"more than {self._max_bodies} bodies: the least recently updated are forgotten; see max_bodies",
+            lambda: (
+                f"more than {self._max_bodies} bodies: the least recently updated are forgotten; "
+                "see max_bodies"
+            ),
         )

@@ -27,8 +27,11 @@ class ThrottledWarnings:
         self._warn, self._clock = warn, clock
         self._last: dict[str, float] = {}
 
-    def __call__(self, subject: str, text: str) -> None:
-        """Log a warning, unless there was one about the same subject a moment ago."""
+    def __call__(self, subject: str, text: Callable[[], str]) -> None:
+        """Log a warning, unless there was one about the same subject a moment ago.
+
+        ``text`` makes it: there may be thousands a second that are not logged.
+        """
         now = self._clock()
         if now - self._last.get(subject, -math.inf) < WARNING_INTERVAL:
             return
@@ -36,4 +39,4 @@ class ThrottledWarnings:
             self._last = {known: last for known, last in self._last.items() if now - last < WARNING_INTERVAL}
         if len(self._last) < MAX_SUBJECTS:
             self._last[subject] = now
-            self._warn(text)
+            self._warn(text())
