@@ -75,8 +75,8 @@ static __attribute__((noinline, cold, unused)) void grow_arena(std::size_t chunk
 
 struct SparseDerivatives {
   static constexpr int BLOCKS = 14, DIRECTIONS = 4 * BLOCKS;
-  int begin = BLOCKS, end = 0;  // the blocks that may differ from 0
-  Block* d = nullptr;  // stored from d[begin] on
+  int begin, end;  // the blocks that may differ from 0
+  Block* d;  // stored from d[begin] on
 
   SparseDerivatives() = default;
   SparseDerivatives(int first, int last) : begin(first), end(last) {  // not initialised

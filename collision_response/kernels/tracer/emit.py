@@ -126,21 +126,38 @@ class _TapeWriter:
 
         indices = [index for index in self._order() if nodes[index].op not in {*CONSTANTS, "part", "result"}]
         position = {index: i for i, index in enumerate(indices)}
-        for guard, run in groupby(indices, lambda index: self.guards.get(index, ALWAYS)):
-            guarded = list(run)
+        blocks = [
+            (guard, list(block))
+            for guard, block in groupby(indices, lambda index: self.guards.get(index, ALWAYS))
+        ]
+        hoisted = self._hoisted([block for guard, block in blocks])
+        for guard, block in blocks:
+            declared = hoisted.intersection(block) if guard else set()
             if guard:
-                yield from map(self._declaration, guarded)
+                yield from map(self._declaration, sorted(declared))
                 # In the order of computation: a condition may be known only if those before it hold.
                 tests = sorted(guard, key=lambda literal: position.get(literal[0], -1))
                 yield f"if ({' && '.join(self._may_be(*literal) for literal in tests)}) {{"
-            for condition, adjacent in groupby(guarded, choice):
+            for condition, adjacent in groupby(block, choice):
                 if condition is not None:
-                    yield from self._choices(condition, list(adjacent), declared=bool(guard))
+                    yield from self._choices(condition, list(adjacent), declared)
                     continue
                 for index in adjacent:
-                    yield from self._operation(index, declared=bool(guard))
+                    yield from self._operation(index, is_declared=index in declared)
             if guard:
                 yield "}"
+
+    def _hoisted(self, blocks: list[list[int]]) -> set[int]:
+        """The operations that are read outside of their block: an ``if`` would hide them."""
+        nodes = self.tape.nodes
+        block_of = {index: i for i, block in enumerate(blocks) for index in block}
+        hoisted = {condition for guard in self.guards.values() for condition, _ in guard}
+        for reader, block in block_of.items():
+            for read in nodes[reader].operands():
+                source = nodes[read].args[0] if nodes[read].op in ("part", "result") else read
+                if block_of.get(source, block) != block:
+                    hoisted.add(source)
+        return hoisted
 
     def _order(self) -> list[int]:
         """The operations, each after the conditions of its guard, and as early as these allow."""
@@ -188,9 +205,9 @@ class _TapeWriter:
             return self.parent._is_condition(node.value)
         return self._is_condition(node.args[-1]) if node.op in _ON_BOTH else node.op in CONDITIONS
 
-    def _operation(self, index: int, *, declared: bool) -> Iterable[str]:
+    def _operation(self, index: int, *, is_declared: bool) -> Iterable[str]:
         node, name = self.tape.nodes[index], f"{self.prefix}{index}"
-        if node.op in ("loop", "call") and not declared:
+        if node.op in ("loop", "call") and not is_declared:
             yield self._declaration(index)
         if node.op == "loop":
             yield from self._loop(index)
@@ -202,13 +219,12 @@ class _TapeWriter:
             else:
                 yield f"const auto [{name}_0, {name}_1, {name}_2] = law({name}_in);"
         else:
-            declaration = "" if declared else "const auto "
+            declaration = "" if is_declared else "const auto "
             yield f"{declaration}{name} = {self._expression(index, self.types[index])};"
 
-    def _choices(self, condition: int, indices: list[int], *, declared: bool) -> Iterable[str]:
+    def _choices(self, condition: int, indices: list[int], declared: set[int]) -> Iterable[str]:
         """Choices by one condition. If all lanes agree on it, only the branch that they take is read."""
-        if not declared:
-            yield from map(self._declaration, indices)
+        yield from (self._declaration(index) for index in indices if index not in declared)
         name = self._name(condition)
         never, always = f"if (!may_be_true({name}))", f"if (!may_be_true(negation({name})))"
         for test, branch in ((always, 1), (f"else {never}", 2), ("else", None)):
@@ -346,9 +362,9 @@ class _DualWriter(_TapeWriter):
     def _declaration(self, index: int) -> str:
         return f"Block {self.prefix}{index};"
 
-    def _choices(self, condition: int, indices: list[int], *, declared: bool) -> Iterable[str]:
+    def _choices(self, condition: int, indices: list[int], declared: set[int]) -> Iterable[str]:
         for index in indices:  # one by one: each reads only the branch that is taken
-            yield from self._operation(index, declared=declared)
+            yield from self._operation(index, is_declared=index in declared)
 
     def _expression(self, index: int, cpp_type: CppType) -> str:
         node = self.tape.nodes[index]
