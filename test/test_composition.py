@@ -108,6 +108,30 @@ def test_a_node_that_ends_after_an_answer_logs_no_error(graph, monkeypatch, capf
     assert "Traceback" not in capfd.readouterr().err
 
 
+def test_ctrl_c_while_a_request_is_read_is_no_system_error(graph, monkeypatch):
+    """rclpy does not notice errors in the constructor of a message, and then Python raises SystemError."""
+    host = Host(SingleThreadedExecutor, graph.namespace)
+    errors = [MemoryError, KeyboardInterrupt]
+
+    def interrupted(state, **fields):
+        if threading.current_thread() is threading.main_thread():
+            raise errors.pop(0)
+        return make(state, **fields)
+
+    make = BodyState.__init__
+    requests = [balls_meet() for _ in range(2)]
+    with monkeypatch.context() as patch:
+        patch.setattr(BodyState, "__init__", interrupted)
+        for request in requests:
+            graph.call_async(request)
+        with pytest.raises(KeyboardInterrupt):
+            host.spin_until(lambda: False)
+    future = graph.call_async(balls_meet())
+    host.spin_until(future.done)
+    assert errors == []
+    host.close()
+
+
 @EXECUTORS
 def test_the_clock_may_be_set_back_in_the_middle_of_look_ups(graph, kind):
     host = Host(kind, graph.namespace, use_sim_time=True)

@@ -146,13 +146,13 @@ class CollisionResponseNode(Node):
         """
         start, limit = time.perf_counter(), self.parameters.values.shutdown_timeout
         faulthandler.dump_traceback_later(max(limit, MIN_SHUTDOWN_TIME), exit=True)
-        unanswered = self._server.drain(0.5 * limit, 0.1 * limit)
+        unanswered = self._server.drain(0.5 * limit, 0.15 * limit)
         if unanswered:
             self.get_logger().warning(
-                f"{unanswered} requests are left without an answer: shutdown_timeout is {limit:g} s"
+                f"at least {unanswered} requests are left without an answer: shutdown_timeout is {limit:g} s"
             )
         if self._recorder is not None:
-            self._recorder.close(max(0.0, start + 0.8 * limit - time.perf_counter()))
+            self._recorder.close(max(0.0, start + 0.85 * limit - time.perf_counter()))
         self.destroy_node()
         faulthandler.cancel_dump_traceback_later()
 

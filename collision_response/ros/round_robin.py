@@ -108,16 +108,14 @@ class RoundRobin:
             job.steps.close()
         return len(jobs)
 
-    def refuse_all(self, error: ImpactError, until: float) -> int:
-        """Answer every job with an error, until a time [s]; return how many are left without an answer."""
+    def refuse_all(self, error: ImpactError, until: float) -> None:
+        """Answer every job with an error, until a time [s]."""
         self.resume()
-        jobs = [job for queue in self._queues.values() for job in queue]
-        self._queues.clear()
-        for number, job in enumerate(jobs):
-            if self._clock() >= until:
-                return len(jobs) - number
-            job.refuse(error)
-        return 0
+        for client, queue in [*self._queues.items()]:
+            while queue and self._clock() < until:
+                queue.popleft().refuse(error)
+            if not queue:
+                del self._queues[client]
 
     def _run_step(self, client: Hashable, queue: deque[Job]) -> float:
         """Run one step of the first job in the queue, and return the time at its end."""

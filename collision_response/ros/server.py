@@ -26,7 +26,14 @@ from .diagnostics import Counters
 from .parameters import LatestParameters
 from .round_robin import Job, RoundRobin, Steps
 from .steady_timer import create_steady_timer
-from .take_all import IdleCallbackGroup, InvalidHandle, RCLError, TakeAllWaitable, never_called
+from .take_all import (
+    IdleCallbackGroup,
+    InvalidHandle,
+    RCLError,
+    TakeAllWaitable,
+    error_in_rclpy,
+    never_called,
+)
 from .throttled_warnings import WARNING_INTERVAL
 
 SERVICE_QOS = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=8_000, reliability=ReliabilityPolicy.RELIABLE)
@@ -167,12 +174,13 @@ class Server:
     def drain(self, answering_time: float, refusing_time: float) -> int:
         """Answer all requests that have arrived, and those that arrive meanwhile; then refuse the rest.
 
-        Each takes at most the given time [s]. Return the number of requests that are left without an answer.
+        Each takes at most the given time [s]. Return the number of requests that were received and are left
+        without an answer.
         """
         clock, answers_before = time.perf_counter, self._counters.answers.total()
         start = last_arrival = clock()
         while clock() - start < answering_time and (self._jobs or clock() - last_arrival < QUIET_TIME):
-            if sum(waitable.take_all() for waitable in self._waitables):
+            if self._take_requests():
                 last_arrival = clock()
             self._jobs.resume(overdue_only=True)
             if not self._jobs.is_ready:
@@ -180,10 +188,17 @@ class Server:
             self._jobs.run_slice()
         reason = "is shutting down: ask again when it is back, or ask another node"
         error = ImpactError(StatusCode.SHUTTING_DOWN, "node", reason)
-        unanswered = self._jobs.refuse_all(error, clock() + refusing_time)
+        end = clock() + refusing_time
+        while (self._take_requests() or self._jobs) and clock() < end:
+            self._jobs.refuse_all(error, end)
+        self._take_requests()  # to count them
         if self._counters.answers.total() > answers_before:
             time.sleep(min(DELIVERY_TIME, refusing_time))
-        return unanswered
+        return len(self._jobs)
+
+    def _take_requests(self) -> int:
+        """Take the requests that wait, for a limited time, and return how many there were."""
+        return sum(waitable.take_all() for waitable in self._waitables)
 
     def _receive(
         self,
@@ -248,8 +263,7 @@ class Server:
         with suppress(InvalidHandle):  # of a node that another thread destroys meanwhile
             self._jobs.run_slice()
             while self._jobs.is_ready and time.perf_counter() < end:
-                for waitable in self._waitables:
-                    waitable.take_all()
+                self._take_requests()
                 self._jobs.run_slice()
             if self._jobs.is_ready:
                 self._more.trigger()
@@ -321,4 +335,6 @@ def _try_to_send(service: Service[Any, Any], response: Any, header: Any) -> bool
             service.send_response(response, header)
         except RCLError:
             return False
+        except SystemError as error:
+            raise error_in_rclpy(error) from None
     return not caught

@@ -29,6 +29,14 @@ MAX_TIME = 0.05
 """Longest time [s] to take messages in one go, in case they arrive faster than they can be taken."""
 
 
+def error_in_rclpy(error: SystemError) -> BaseException:
+    """Error that occurred in Python code called by rclpy, such as the ``KeyboardInterrupt`` of Ctrl-C.
+
+    In some places rclpy does not notice such an error, and Python raises a ``SystemError`` in its place.
+    """
+    return error.__cause__ or error
+
+
 class IdleCallbackGroup(CallbackGroup):
     """A callback group that the executor never executes: a :class:`TakeAllWaitable` handles its entities."""
 
@@ -95,10 +103,14 @@ class TakeAllWaitable(Waitable):  # type: ignore[type-arg]  # that of Jazzy take
         return number
 
     def _take(self) -> tuple[Any, Any] | None:
-        if isinstance(self._source, Service):
-            request, header = self._source.handle.service_take_request(self._source.srv_type.Request)
-            return None if header is None else (request, header)
-        return self._source.handle.take_message(self._source.msg_type, True)
+        source = self._source
+        if not isinstance(source, Service):
+            return source.handle.take_message(source.msg_type, True)
+        try:
+            request, header = source.handle.service_take_request(source.srv_type.Request)
+        except SystemError as error:
+            raise error_in_rclpy(error) from None
+        return None if header is None else (request, header)
 
     # The interface of Waitable
 
