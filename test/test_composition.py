@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import gc
 import os
 import threading
@@ -130,6 +131,30 @@ def test_ctrl_c_while_a_request_is_read_is_no_system_error(graph, monkeypatch):
     host.spin_until(future.done)
     assert errors == []
     host.close()
+
+
+def test_a_node_that_shuts_down_too_late_says_what_is_left(graph, capfd):
+    """As in a program that leaves Ctrl-C to rclpy, which shuts the context down."""
+    host = Host(SingleThreadedExecutor, graph.namespace, max_state_wait=60.0, shutdown_timeout=0.5)
+    request = balls_meet()
+    request.body_b, request.not_before.sec = BodyState(name="left"), 10
+    graph.call_async(request)
+    host.spin_until(host.tested._server.waiting)
+    host.tested.destroy_node()
+    host.tested.shut_down()
+    host.close()
+    assert "at least 1 requests have no answer; shutdown_timeout is 0.5 s" in capfd.readouterr().err
+
+
+def test_a_shutdown_that_fails_does_not_end_the_program_later(graph, monkeypatch):
+    node, calls = CollisionResponseNode(context=graph.context, namespace=graph.namespace), []
+    monkeypatch.setattr(faulthandler, "dump_traceback_later", lambda *_, **__: calls.append("start"))
+    monkeypatch.setattr(faulthandler, "cancel_dump_traceback_later", lambda: calls.append("cancel"))
+    monkeypatch.setattr(node._server, "drain", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        node.shut_down()
+    assert calls == ["start", "cancel"]
+    node.destroy_node()
 
 
 @EXECUTORS

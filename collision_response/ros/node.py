@@ -140,21 +140,23 @@ class CollisionResponseNode(Node):
     def shut_down(self) -> None:
         """Answer the requests that have arrived, complete the recording, and destroy the node.
 
-        The node must not be spun any more. All of this takes no longer than the parameter
-        ``shutdown_timeout``. If the middleware hangs, the process then prints where it hangs and ends with
-        exit code 1.
+        The node must not be spun any more, and its context not be shut down yet: without it, nothing is
+        answered. All of this takes no longer than the parameter ``shutdown_timeout``. If the middleware
+        hangs, the process then prints where it hangs and ends with exit code 1.
         """
         start, limit = time.perf_counter(), self.parameters.values.shutdown_timeout
         faulthandler.dump_traceback_later(max(limit, MIN_SHUTDOWN_TIME), exit=True)
-        unanswered = self._server.drain(0.5 * limit, 0.15 * limit)
-        if unanswered:
-            self.get_logger().warning(
-                f"at least {unanswered} requests are left without an answer: shutdown_timeout is {limit:g} s"
-            )
-        if self._recorder is not None:
-            self._recorder.close(max(0.0, start + 0.85 * limit - time.perf_counter()))
-        self.destroy_node()
-        faulthandler.cancel_dump_traceback_later()
+        try:
+            unanswered = self._server.drain(0.5 * limit, 0.15 * limit)
+            if unanswered:
+                self.get_logger().warning(
+                    f"at least {unanswered} requests have no answer; shutdown_timeout is {limit:g} s"
+                )
+            if self._recorder is not None:
+                self._recorder.close(max(0.0, start + 0.85 * limit - time.perf_counter()))
+            self.destroy_node()
+        finally:
+            faulthandler.cancel_dump_traceback_later()
 
     def destroy_node(self) -> None:
         """Destroy the node, and complete the recording."""

@@ -113,7 +113,8 @@ class RoundRobin:
         self.resume()
         for client, queue in [*self._queues.items()]:
             while queue and self._clock() < until:
-                queue.popleft().refuse(error)
+                queue[0].refuse(error)
+                queue.popleft()
             if not queue:
                 del self._queues[client]
 

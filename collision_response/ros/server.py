@@ -177,6 +177,11 @@ class Server:
         Each takes at most the given time [s]. Return the number of requests that were received and are left
         without an answer.
         """
+        with suppress(InvalidHandle):  # of a node that is destroyed, as after its context was shut down
+            self._answer_all(answering_time, refusing_time)
+        return len(self._jobs)
+
+    def _answer_all(self, answering_time: float, refusing_time: float) -> None:
         clock, answers_before = time.perf_counter, self._counters.answers.total()
         start = last_arrival = clock()
         while clock() - start < answering_time and (self._jobs or clock() - last_arrival < QUIET_TIME):
@@ -194,7 +199,6 @@ class Server:
         self._take_requests()  # to count them
         if self._counters.answers.total() > answers_before:
             time.sleep(min(DELIVERY_TIME, refusing_time))
-        return len(self._jobs)
 
     def _take_requests(self) -> int:
         """Take the requests that wait, for a limited time, and return how many there were."""
