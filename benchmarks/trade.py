@@ -26,7 +26,7 @@ from collision_response.in_python.request_numbers import body_as_fractions, cont
 from collision_response.physics.mass_properties import sphere
 
 LAWS = [law for law in Law if law not in (Law.AUTO, Law.COMPLIANT)]  # which has no known exact answer
-ROUNDS, BATCH_ROUNDS, CONTACTS = 9, 3, 512
+ROUNDS, BATCH_ROUNDS, CONTACTS = 9, 3, 500
 """Rounds of timing for single impacts and for batches; contacts in a batch."""
 
 
