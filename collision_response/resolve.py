@@ -110,7 +110,9 @@ def _resolve_more_exactly(
     """
     plan = plan_model(model)
     if plan.last_precision is Precision.EXTENDED:
-        more = arbitrary_precision.resolve(body_a, body_b, contact, model)
+        more = None
+        if not _is_settled(answer):
+            more = arbitrary_precision.resolve(body_a, body_b, contact, model)
         if more is not None and (answer is None or not answer.error_bound < more.error_bound):
             return more
         has_threshold = model.restitution_threshold > 0 and contact.restitution > 0
@@ -129,6 +131,18 @@ def _resolve_more_exactly(
         is_separating = answer.regime is Regime.SEPARATING
         return answer._replace(status=StatusCode.SEPARATING if is_separating else StatusCode.OK)
     return answer
+
+
+def _is_settled(answer: Impact | None) -> bool:
+    """Whether no number of digits makes an answer more exact, or decides whether the bodies approach.
+
+    They do if its error is below 1, because then its impulse is not 0.
+    """
+    return (
+        answer is not None
+        and answer.error_bound < 1
+        and arbitrary_precision.integrates_in_steps(answer.model)
+    )
 
 
 def _resolve_with_threshold_decided(

@@ -16,7 +16,8 @@ from bounded import ROUNDING, Bounded
 from mpmath import mp
 from oracle.laws import impulse
 
-from collision_response import Body, Contact, ImpactError, ImpactModel, Precision, resolve
+from collision_response import Body, Contact, ImpactError, ImpactModel, Precision, StatusCode, resolve
+from collision_response.in_python import arbitrary_precision
 from collision_response.physics.effective_mass import ContactNumbers
 from collision_response.physics.laws import Coefficients, Law, Outcome, Settings
 from collision_response.physics.laws.routh import routh
@@ -235,6 +236,20 @@ def test_planar_slip_needs_no_loop(monkeypatch):
     draw = random.Random(1)
     for _ in range(50):
         run(Law.ROUTH_STRONGE, planar(draw), 0.5, draw.choice((0.0, 0.3, 3.0)))
+
+
+@pytest.mark.parametrize("law", [*LAWS, Law.COMPLIANT])
+def test_no_digits_are_tried_that_cannot_help(monkeypatch, law):
+    """The error of the steps remains with any number of digits, which took 1 ms."""
+    monkeypatch.setattr(arbitrary_precision, "resolve", pytest.fail)
+    top = Body.box(1.0, (0.3, 0.2, 0.1), velocity=(1.0, 0.5, -2.0), angular_velocity=(3.0, -1.0, 2.0))
+    contact = Contact.of((0.1, 0.08, -0.05), (0.0, 0.0, 1.0), 0.5, 0.2)
+    found = [
+        resolve(top, Body.static(), contact, ImpactModel(law, precision=precision, tolerance=1e-15))
+        for precision in (Precision.AUTO, Precision.EXTENDED)
+    ]
+    assert [answer.status for answer in found] == [StatusCode.TOLERANCE_NOT_MET] * 2
+    assert all(answer.error_bound < 1e-9 for answer in found)
 
 
 def test_the_bound_covers_errors_of_the_input():

@@ -85,15 +85,20 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     return make_impact((a, b), best.answer, used_contact, used_model, best.rounded_bound, plan.bound_limit)
 
 
+def integrates_in_steps(model: ImpactModel) -> bool:
+    """Whether a model without AUTO may integrate a path in steps. More digits do not make it more exact."""
+    return model.law in STEPPED or (model.law in PATHS and model.geometry is Geometry.SPATIAL)
+
+
 def _attempt(request: tuple[Body, Body, Contact], model: ImpactModel, plan: ModelPlan, bits: int) -> Attempt:
     """Compute a request in balls of this precision, by a model without AUTO and the numbers of a plan."""
-    has_path = model.law in STEPPED or (model.law in PATHS and model.geometry is Geometry.SPATIAL)
+    has_steps = integrates_in_steps(model)
     with balls.working_precision(bits):
         a, b, contact = read_request(*request, _ball)
         settings = Settings(*map(Ball, plan.settings, plan.settings_errors))
-        answer = impact(a, b, contact, Law.FRICTIONLESS if has_path else model.law, settings)
+        answer = impact(a, b, contact, Law.FRICTIONLESS if has_steps else model.law, settings)
         separating = answer.flags.separating
-        if has_path and separating is not True:
+        if has_steps and separating is not True:
             return Attempt(None, 0.0 if separating is False else math.inf)
         bound = _error_bound((a, b), answer, Ball.radius)
         rounded = answer.as_floats()

@@ -137,6 +137,7 @@ int compute_one_impact(PyObject* const* request, const Plan& plan, OneImpact& im
   }
   if (has_fraction && frictionless && !impact.is_articulated) return HANDOVER_RATIONAL;
   ImpactResult &result = impact.result, more_exact;
+  ImpactKernel last_kernel = nullptr;
   for (int precision = plan.first_precision;; ++precision) {
     bool is_first = precision == plan.first_precision;
     int used_precision = precision;
@@ -145,6 +146,8 @@ int compute_one_impact(PyObject* const* request, const Plan& plan, OneImpact& im
       PyErr_Format(PyExc_LookupError, "no kernel of law %d", impact.law);
       return RAISED;
     }
+    if (kernel == last_kernel) break;  // the law has one kernel for all precisions
+    last_kernel = kernel;
     compute_in_suitable_units(kernel, impact.is_articulated, used_precision == PRECISION_SINGLE, input, error,
                               is_first ? result : more_exact);
     if (is_first || all_finite(more_exact)) impact.precision = used_precision;
