@@ -7,18 +7,23 @@ from collections.abc import Iterator, Mapping, Sequence
 from numbers import Integral
 from typing import NamedTuple
 
+import numpy as np
+
 from ..materials import RANGES as LIMITS
 from ..model import Law, check_number
 from ..status import ImpactError, StatusCode
 from .estimates import Estimate, estimates, undetermined
 from .least_squares import LOSSES, NEGLIGIBLE_SQUARES, PRECISION, RANGES, LeastSquares, residual_unit
-from .measurements import Array, Measurements, informative
+from .measurements import Array, Impacts, Measurements, informative
 
 LAWS = tuple(law for law in Law if law is not Law.AUTO)
 """The laws that can be fitted."""
 
 FEW_IMPACTS = 10
 """With fewer impacts than this, the intervals of the bootstrap say little."""
+
+LARGE_MISFIT = 0.1
+"""A misfit above this may have a cause that no law is to blame for, such as wrong units."""
 
 DISAGREEMENT = 3.0
 """If two kinds of residuals lead to values more formal standard deviations apart than this, the cause is not
@@ -120,7 +125,9 @@ def identify(
     squares = (used.residuals(law, problem.at(best.x), kind) ** 2).sum(axis=0)
     whole = max((used.sizes(kind) ** 2).sum(), NEGLIGIBLE_SQUARES * unit**2)  # not 0 even if all bodies stop
     misfit = math.sqrt(squares.sum() / whole)
-    notes = _notes(measured, len(used), coefficients, others)
+    notes = [*_notes(measured, len(used), coefficients, others)]
+    if isinstance(used, Impacts) and misfit > LARGE_MISFIT:
+        notes += _faults(used, kind, misfit, math.sqrt(whole))
     return Identification(
         law,
         problem.at(best.x),
@@ -234,3 +241,19 @@ def _notes(
                 f"{apart / formal:.0f} formal standard deviations: the geometry, the law or noise of the "
                 "normals has an effect that no interval here includes"
             )
+
+
+def _faults(used: Impacts, kind: str, misfit: float, whole: float) -> Iterator[str]:
+    """Yield what the measurements have that no law can explain, if it is the greater part of the misfit."""
+    missed, energy = used.nearest_impulses(kind)
+    least = math.sqrt((missed**2).sum()) / whole
+    if least > misfit / 2:
+        yield (
+            f"no law can have a misfit below {least:.1%}, because no impulse at the contact points leads to "
+            "these velocities: check their units, the inertia and the positions"
+        )
+    if (gain := float(np.median(energy))) > 1 + misfit:
+        yield (
+            f"the impacts make the energy of the relative motion {gain:.2g} times as large, which no law "
+            "does: check the units and the signs of the velocities"
+        )

@@ -191,6 +191,32 @@ class Impacts:
             )
         return np.concatenate([result.velocity, result.angular_velocity])
 
+    @np.errstate(over="ignore", invalid="ignore")  # an energy beyond float64 is NaN
+    def nearest_impulses(self, kind: str) -> tuple[Array, Array]:
+        """Find the impulse at each contact point that comes nearest to the measurement, by no law.
+
+        Returns:
+            What these impulses miss, like :meth:`residuals`: no law misses less. And by which factor they
+            change the energy of the relative motion at the contact, shape ``(N,)``: by no law more than 1.
+        """
+        known, before = ~np.isnan(self.after), self._twists_before()
+        side, mass = np.array([[1.0], [-1.0]]), self.bodies[BODY.mass][0]
+        unit = mass.min(axis=0)
+        inverse_root = np.sqrt(unit)[:, None, None] * np.linalg.pinv(np.moveaxis(self.root, (0, 1), (2, 3)))
+        twists = []  # by impulses of size `unit` along each axis of the world
+        for axis in np.eye(3)[:, :, None, None]:
+            torque = np.cross(self._lever_arms(), axis, axis=0)
+            spin = np.einsum("snij,snkj,ksn->isn", inverse_root, inverse_root, torque)
+            twists.append(side * np.concatenate([axis * (unit / mass), spin]))
+        effects = np.array([self._in_norm(kind, np.where(known, twist, 0.0)) for twist in twists]).T
+        change = self._in_norm(kind, self.after - before)
+        impulses = np.einsum("nkr,rn->nk", np.linalg.pinv(effects), change)
+        to_contact = np.array([self._at_contact(twist) for twist in twists]).T
+        u = self._at_contact(before).T
+        u_after = u + np.einsum("nrk,nk->nr", to_contact, impulses)
+        energies = [np.einsum("nr,nrk,nk->n", v, np.linalg.pinv(to_contact), v) for v in (u, u_after)]
+        return np.einsum("nrk,nk->rn", effects, impulses) - change, energies[1] / energies[0]
+
     def _in_norm(self, kind: str, twists: Array) -> Array:
         twists = np.nan_to_num(twists)
         if kind == "contact":
