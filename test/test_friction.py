@@ -149,6 +149,23 @@ def test_the_slip_speed_is_right_to_rounding_where_it_cancels(scale, length):
     assert initial_slip_speed(spinning, FLOOR, Contact.of((0, 0, 0), (0, 0, length))) == scale * 2.0**-50
 
 
+@pytest.mark.parametrize("aside", [0.0, 1e-9, 1e-25, 2.0])
+@pytest.mark.parametrize("n", [(1.0, 0.7, 0.0), (0.1, -0.2, 1.0), (3e-9, 1.0, 7.0), (0.0, 0.0, 0.3)])
+def test_the_slip_speed_has_no_part_of_the_approach(n, aside):
+    """The velocity is along the normal but for its last digits, and a little aside."""
+    v = tuple(-3.0 * n_i + aside * a for n_i, a in zip(n, (0.6, 0.3, -0.1), strict=True))
+    slip = initial_slip_speed(Body.dynamic(1.0, velocity=v), FLOOR, Contact.of((0, 0, 0), n))
+    across = exact_cross(n, v)
+    # Rounded in the three components, their root of squares and the quotient of lengths.
+    expected = math.sqrt(sum(x * x for x in across) / sum(Fraction(n_i) ** 2 for n_i in n))
+    assert slip == pytest.approx(expected, rel=8 * 2**-53, abs=0.0)
+
+
+def exact_cross(a, b):
+    (a_x, a_y, a_z), (b_x, b_y, b_z) = (map(Fraction, v) for v in (a, b))
+    return a_y * b_z - a_z * b_y, a_z * b_x - a_x * b_z, a_x * b_y - a_y * b_x
+
+
 def test_a_slip_speed_beyond_float64_is_refused():
     fast = Body.dynamic(1.0, velocity=(1.7e308, 1.7e308, -1.0))
     for law in (Law.COULOMB, Law.ROUTH_STRONGE):

@@ -7,12 +7,13 @@ from collections.abc import Callable
 
 from .. import validity
 from ..kernels import library
-from ..model import check_number
+from ..model import ImpactModel, Precision, check_number
 from ..numbers.operations import Scalar, square_root
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.effective_mass import ContactKinematics
 from ..physics.laws import BY_SPEED, PATHS, Law
+from ..physics.vector import Vec3
 from ..status import ImpactError, StatusCode
 from .request_numbers import body_as_fractions, contact_as_fractions, read_request
 
@@ -67,11 +68,36 @@ def initial_friction(body_a: Body, body_b: Body, contact: Contact, law: Law) -> 
 def initial_slip_speed(body_a: Body, body_b: Body, contact: Contact) -> float:
     """Return the tangential speed of body_a relative to body_b at the contact before the impact [m/s].
 
-    It is computed in fractions and correct to rounding.
+    It is ``|n x u| / |n|``, correct to rounding. The components of ``n x u`` are the velocities along three
+    vectors that are exactly perpendicular to ``n``, so no part of the approach is left in them.
 
     Raises:
         ImpactError: OUT_OF_RANGE, if the speed is beyond float64.
     """
+    n_x, n_y, n_z = contact.normal
+    length = math.hypot(n_x, n_y, n_z)
+    if not 1e-100 < length < 1e100:  # so that no product with it overflows or underflows
+        return _slip_speed_by_fractions(body_a, body_b, contact)
+    components = []
+    for normal in ((0.0, -n_z, n_y), (n_z, 0.0, -n_x), (-n_y, n_x, 0.0)):
+        if not any(normal):
+            continue
+        across = Contact(contact.position, Vec3(*normal), 0.0, 0.0)
+        impact = library.resolve(body_a, body_b, across, TO_THE_LAST_DIGIT, _leave_to_fractions)
+        if impact is None:
+            return _slip_speed_by_fractions(body_a, body_b, contact)
+        components.append(impact.normal_velocity_before * (math.hypot(*normal) / length))
+    return math.hypot(*components)
+
+
+TO_THE_LAST_DIGIT = ImpactModel(Law.FRICTIONLESS, precision=Precision.EXTENDED)
+
+
+def _leave_to_fractions(*request: object) -> None:
+    """What the kernels call where they do not know the last digit."""
+
+
+def _slip_speed_by_fractions(body_a: Body, body_b: Body, contact: Contact) -> float:
     bodies = body_as_fractions(body_a), body_as_fractions(body_b)
     n, u, n_u = ContactKinematics.of(*bodies, contact_as_fractions(contact))[:3]
     return _as_float(square_root(u.dot(u) - n_u * n_u / n.dot(n)))
