@@ -2,7 +2,7 @@
 
 from array import array
 from collections.abc import Callable, Sequence
-from typing import Any, Final, Literal, final
+from typing import Any, Final, Literal, TypeVar, final
 
 import numpy as np
 
@@ -14,15 +14,16 @@ from ..physics.contact import Contact
 _Array = np.ndarray[Any, Any]
 _Integers = _Array | array[int]
 _Impulses = tuple[bytes, list[float] | None, float, float, float | None, bool]
-_InPython = Callable[[Body, Body, Contact, ImpactModel, Impact | int], Impact]
+_Other = TypeVar("_Other")
+_InPython = Callable[[Body, Body, Contact, ImpactModel, Impact | int], _Other]
 
 def setup(*objects: Any) -> None: ...
 def limit_vectors(bits: int, /) -> None: ...
 
 # resolve.cpp
 def resolve(
-    body_a: Body, body_b: Body, contact: Contact, model: ImpactModel, in_python: _InPython, /
-) -> Impact: ...
+    body_a: Body, body_b: Body, contact: Contact, model: ImpactModel, in_python: _InPython[_Other], /
+) -> Impact | _Other: ...
 def numbers_with_errors(body_a: Body, body_b: Body, contact: Contact, /) -> tuple[bytes, bytes]: ...
 
 # resolve_batch.cpp
