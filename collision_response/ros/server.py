@@ -86,22 +86,26 @@ class NodeService(Protocol):
         """Return the response that says why there is no answer."""
 
 
+class Endpoint(NamedTuple):
+    """A service of the node: what answers it, what rclpy knows of it, and its clients."""
+
+    node_service: NodeService
+    service: Service[Any, Any]
+    clients: ConnectedClients
+
+
 class Call(NamedTuple):
     """One request that was received.
 
     Attributes:
-        node_service: the service that was called.
-        service: the same, as rclpy has it.
-        clients: the clients of that service.
+        endpoint: the service that was called.
         client: the client that called.
         request: what it asks for.
         header: identifies the request to DDS.
         received: when it was received [s], by ``time.perf_counter``.
     """
 
-    node_service: NodeService
-    service: Service[Any, Any]
-    clients: ConnectedClients
+    endpoint: Endpoint
     client: bytes
     request: Any
     header: Any
@@ -154,9 +158,9 @@ class Server:
             )
             if introspection is not ServiceIntrospectionState.OFF:
                 service.configure_introspection(node.get_clock(), qos_profile_system_default, introspection)
-            clients = ConnectedClients(node, service.service_name)
-            receive = partial(self._receive, node_service, service, clients)
-            self._clients.append(clients)
+            endpoint = Endpoint(node_service, service, ConnectedClients(node, service.service_name))
+            receive = partial(self._receive, endpoint)
+            self._clients.append(endpoint.clients)
             self._waitables.append(
                 TakeAllWaitable(node, service, receive, self._serve, self._count_unreadable)
             )
@@ -204,18 +208,11 @@ class Server:
         """Take the requests that wait, for a limited time, and return how many there were."""
         return sum(waitable.take_all() for waitable in self._waitables)
 
-    def _receive(
-        self,
-        node_service: NodeService,
-        service: Service[Any, Any],
-        clients: ConnectedClients,
-        request: Any,
-        header: Any,
-    ) -> None:
+    def _receive(self, endpoint: Endpoint, request: Any, header: Any) -> None:
         client = client_id(header)
         self._unconfirmed.pop(client, None)  # the request is a sign of life
         self._counters.requests += 1
-        call = Call(node_service, service, clients, client, request, header, time.perf_counter())
+        call = Call(endpoint, client, request, header, time.perf_counter())
         self._jobs.add(client, Job(self._steps(call), partial(self._refuse, call)))
 
     def _steps(self, call: Call) -> Steps:
@@ -223,7 +220,7 @@ class Server:
 
         No exception but ``InvalidHandle`` may leave this method: it would end ``spin()``.
         """
-        clients, client = call.clients, call.client
+        clients, client = call.endpoint.clients, call.client
         deadline = call.received + MAX_DISCOVERY_TIME
         while not clients.is_connected(client) and time.perf_counter() < deadline:
             yield min(deadline, time.perf_counter() + WAIT_CHECK_INTERVAL)
@@ -231,7 +228,7 @@ class Server:
             self._counters.dropped += 1
             return
         try:
-            status, response = yield from call.node_service.answer(call.request)
+            status, response = yield from call.endpoint.node_service.answer(call.request)
             self._send(call, status, response)
         except InvalidHandle:  # of a node that another thread destroys meanwhile
             raise
@@ -241,7 +238,7 @@ class Server:
     def _refuse(self, call: Call, error: ImpactError) -> None:
         if error.code is StatusCode.BUDGET_EXCEEDED:
             self._log.warning(f"a request was refused: {error}", throttle_duration_sec=WARNING_INTERVAL)
-        self._send(call, error.code, call.node_service.refusal(call.request, error))
+        self._send(call, error.code, call.endpoint.node_service.refusal(call.request, error))
 
     def _as_refusal(self, error: Exception) -> ImpactError:
         if isinstance(error, ImpactError):
@@ -281,10 +278,10 @@ class Server:
         self._serve()
 
     def _send(self, call: Call, status: StatusCode, response: Any) -> None:
-        if _try_to_send(call.service, response, call.header):
+        if _try_to_send(call.endpoint.service, response, call.header):
             self._note_sent(call, status)
         else:
-            call.clients.note_unreachable(call.client)
+            call.endpoint.clients.note_unreachable(call.client)
             self._counters.unsent += 1
             self._log.warning(
                 "an answer could not be sent: its client does not read answers, or has left",
@@ -302,7 +299,7 @@ class Server:
                 self._log.error(traceback.format_exc(), throttle_duration_sec=WARNING_INTERVAL)
 
     def _note_sent(self, call: Call, status: StatusCode) -> None:
-        call.clients.note_reached(call.client)
+        call.endpoint.clients.note_reached(call.client)
         self._unconfirmed[call.client] += 1
         if len(self._unconfirmed) > MAX_UNCONFIRMED_CLIENTS:  # the departure of some clients goes unnoticed
             del self._unconfirmed[next(iter(self._unconfirmed))]
