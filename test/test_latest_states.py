@@ -241,6 +241,16 @@ def test_a_table_of_the_wrong_size_is_reported_at_lookup(field):
         store.speed("a")
 
 
+def test_a_name_that_a_table_has_twice_is_reported_at_lookup():
+    store = StateStore()
+    store.hear(table(["a", "b", "a"], speed=1.0))
+    with refused(
+        StatusCode.UNKNOWN_BODY, match="'a', whose last state cannot be read: it has this name more"
+    ):
+        store.speed("a")
+    assert store.speed("b") == 0.0
+
+
 # limits
 
 

@@ -133,6 +133,8 @@ class SerializedTable(Serialized):
                 f"it has {len(table.numbers)} numbers and {len(table.motion_types)} motion types "
                 f"for {size} bodies"
             )
+        if len(self.columns) < size and table.names.count(name) > 1:
+            raise MalformedMessage("it has this name more than once")
         numbers = np.asarray(table.numbers).reshape(ROWS, size)[:, column].tolist()
         motion_type = table.motion_types[column] if table.motion_types else BodyState.DYNAMIC
         return state_from(numbers, BodyState(header=table.header, name=name, motion_type=motion_type))
