@@ -24,6 +24,7 @@ from rosgraph_msgs.msg import Clock
 
 from collision_response.msg import BodyState
 from collision_response.ros.answer_log import ResultPublisher
+from collision_response.ros.impacts import ImpactService
 from collision_response.ros.markers import ContactMarkers
 from collision_response.ros.node import CollisionResponseNode
 from collision_response.ros.sources import BodyStatePublisher
@@ -130,6 +131,24 @@ def test_ctrl_c_while_a_request_is_read_is_no_system_error(graph, monkeypatch):
     future = graph.call_async(balls_meet())
     host.spin_until(future.done)
     assert errors == []
+    host.close()
+
+
+def test_ctrl_c_leaves_nobody_else_waiting(graph, monkeypatch):
+    """In a program that catches it and goes on."""
+    host, answer = Host(SingleThreadedExecutor, graph.namespace), ImpactService.answer
+    interrupts = [KeyboardInterrupt]
+
+    def interrupted(service, request):
+        if interrupts:
+            raise interrupts.pop()
+        return answer(service, request)
+
+    monkeypatch.setattr(ImpactService, "answer", interrupted)
+    futures = [graph.call_async(balls_meet()) for _ in range(20)]
+    with pytest.raises(KeyboardInterrupt):
+        host.spin_until(lambda: False)
+    host.spin_until(lambda: sum(future.done() for future in futures) == 19)
     host.close()
 
 

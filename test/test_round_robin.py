@@ -124,6 +124,22 @@ def test_requests_of_a_client_that_left_are_dropped_wherever_they_are():
     assert bench.run() == ["other"]
 
 
+def test_ctrl_c_loses_no_request_that_still_waits_for_its_turn():
+    """As in a program that catches it and goes on."""
+    bench = Bench()
+
+    def interrupted():
+        yield
+        raise KeyboardInterrupt
+
+    bench.turns.add("client", bench.job("a"))
+    bench.turns.add("client", Job(interrupted(), pytest.fail))
+    bench.turns.add("client", bench.job("b"))
+    with pytest.raises(KeyboardInterrupt):
+        bench.run()
+    assert bench.run() == ["a", "b"]
+
+
 def test_at_the_end_every_request_gets_an_error():
     bench = Bench()
     bench.turns.add("a", bench.job("begun ", steps=2, takes=TIME_SLICE))

@@ -87,10 +87,12 @@ class RoundRobin:
         client = next(iter(self._queues))
         queue = self._queues.pop(client)
         end = self._clock() + TIME_SLICE
-        while queue and self._run_step(client, queue) < end:
-            pass
-        if queue:
-            self._queues[client] = queue
+        try:
+            while queue and self._run_step(client, queue) < end:
+                pass
+        finally:  # a KeyboardInterrupt may end the slice
+            if queue:
+                self._queues[client] = queue
 
     def resume(self, *, overdue_only: bool = False) -> None:
         """Let the jobs that wait go on: all, or only those that have waited until their deadline."""

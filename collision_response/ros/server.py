@@ -262,12 +262,14 @@ class Server:
         """Serve clients for ``MAX_SERVING_TIME``, and have the executor call this again for the rest."""
         end = time.perf_counter() + MAX_SERVING_TIME
         with suppress(InvalidHandle):  # of a node that another thread destroys meanwhile
-            self._jobs.run_slice()
-            while self._jobs.is_ready and time.perf_counter() < end:
-                self._take_requests()
+            try:
                 self._jobs.run_slice()
-            if self._jobs.is_ready:
-                self._more.trigger()
+                while self._jobs.is_ready and time.perf_counter() < end:
+                    self._take_requests()
+                    self._jobs.run_slice()
+            finally:  # a KeyboardInterrupt may end this
+                if self._jobs.is_ready:
+                    self._more.trigger()
             if self._jobs.is_waiting and self._overdue_timer.is_canceled():  # a reset delays a running timer
                 self._overdue_timer.reset()
 

@@ -141,5 +141,7 @@ class TakeAllWaitable(Waitable):  # type: ignore[type-arg]  # that of Jazzy take
 
     async def execute(self, taken_data: None) -> None:
         """Handle all messages that wait."""
-        self.take_all()
-        self._after()
+        try:
+            self.take_all()
+        finally:
+            self._after()
