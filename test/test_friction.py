@@ -166,6 +166,12 @@ def exact_cross(a, b):
     return a_y * b_z - a_z * b_y, a_z * b_x - a_x * b_z, a_x * b_y - a_y * b_x
 
 
+@pytest.mark.parametrize("large", [10**400, Fraction(10) ** 400, math.inf])
+def test_a_normal_beyond_float64_is_refused(large):
+    with refused(StatusCode.NOT_FINITE, "contact.normal"):
+        resolve(ball(1.0), FLOOR, contact(pytest.fail)._replace(normal=(0, 0, large)))
+
+
 def test_a_slip_speed_beyond_float64_is_refused():
     fast = Body.dynamic(1.0, velocity=(1.7e308, 1.7e308, -1.0))
     for law in (Law.COULOMB, Law.ROUTH_STRONGE):

@@ -60,8 +60,6 @@ def initial_friction(body_a: Body, body_b: Body, contact: Contact, law: Law) -> 
         of_several = " of several contacts" if law in BY_SPEED else ""
         reason = f"{law.name} takes no friction{of_several} that depends on slip speed: give a number"
         raise ImpactError(StatusCode.INVALID_MODEL, "contact.friction", f"{reason}, or ask COULOMB")
-    frictionless = contact._replace(friction=0.0)
-    validity.check(*read_request(body_a, body_b, frictionless), 0.0)
     return friction_at_speed(initial_slip_speed(body_a, body_b, contact), contact)
 
 
@@ -72,17 +70,22 @@ def initial_slip_speed(body_a: Body, body_b: Body, contact: Contact) -> float:
     vectors that are exactly perpendicular to ``n``, so no part of the approach is left in them.
 
     Raises:
-        ImpactError: OUT_OF_RANGE, if the speed is beyond float64.
+        ImpactError: OUT_OF_RANGE, if the speed is beyond float64. Others, if the request breaks a rule of
+            :mod:`~collision_response.validity`.
     """
     n_x, n_y, n_z = contact.normal
-    length = math.hypot(n_x, n_y, n_z)
+    try:
+        length = math.hypot(n_x, n_y, n_z)
+    except OverflowError:  # an integer or a fraction beyond float64
+        length = math.inf
     if not 1e-100 < length < 1e100:  # so that no product with it overflows or underflows
         return _slip_speed_by_fractions(body_a, body_b, contact)
+    e = contact.restitution
     components = []
     for normal in ((0.0, -n_z, n_y), (n_z, 0.0, -n_x), (-n_y, n_x, 0.0)):
         if not any(normal):
             continue
-        across = Contact(contact.position, Vec3(*normal), 0.0, 0.0)
+        across = Contact(contact.position, Vec3(*normal), 0.0 if callable(e) else e, 0.0)
         impact = library.resolve(body_a, body_b, across, TO_THE_LAST_DIGIT, _leave_to_fractions)
         if impact is None:
             return _slip_speed_by_fractions(body_a, body_b, contact)
@@ -94,10 +97,11 @@ TO_THE_LAST_DIGIT = ImpactModel(Law.FRICTIONLESS, precision=Precision.EXTENDED)
 
 
 def _leave_to_fractions(*request: object) -> None:
-    """What the kernels call where they do not know the last digit."""
+    """What the kernels call where they refuse, or do not know the last digit."""
 
 
 def _slip_speed_by_fractions(body_a: Body, body_b: Body, contact: Contact) -> float:
+    validity.check(*read_request(body_a, body_b, contact._replace(friction=0.0)), 0.0)
     bodies = body_as_fractions(body_a), body_as_fractions(body_b)
     n, u, n_u = ContactKinematics.of(*bodies, contact_as_fractions(contact))[:3]
     return _as_float(square_root(u.dot(u) - n_u * n_u / n.dot(n)))
