@@ -12,8 +12,8 @@ from enum import IntFlag
 from typing import Any, NamedTuple
 
 from .named_enum import NamedEnum
+from .physics.laws import PATHS, STEPPED, Settings
 from .physics.laws import Law as Law
-from .physics.laws import Settings
 from .physics.stiffness import METAL_ON_METAL
 from .status import ImpactError, StatusCode, format_range, format_value
 
@@ -169,6 +169,11 @@ def law_for(law: Law, *, has_friction: bool) -> Law:
     if law is not Law.AUTO:
         return law
     return Law.COULOMB if has_friction else Law.FRICTIONLESS
+
+
+def integrates_in_steps(model: ImpactModel) -> bool:
+    """Whether a model without AUTO may integrate a path in steps. More digits do not make it more exact."""
+    return model.law in STEPPED or (model.law in PATHS and model.geometry is Geometry.SPATIAL)
 
 
 def _first_precision(precision: Precision, tolerance: float) -> Precision:

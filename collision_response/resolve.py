@@ -35,6 +35,7 @@ from .model import (
     ImpactModel,
     Precision,
     check_number,
+    integrates_in_steps,
     law_for,
     plan_model,
 )
@@ -138,11 +139,7 @@ def _is_settled(answer: Impact | None) -> bool:
 
     They do if its error is below 1, because then its impulse is not 0.
     """
-    return (
-        answer is not None
-        and answer.error_bound < 1
-        and arbitrary_precision.integrates_in_steps(answer.model)
-    )
+    return answer is not None and answer.error_bound < 1 and integrates_in_steps(answer.model)
 
 
 def _resolve_with_threshold_decided(

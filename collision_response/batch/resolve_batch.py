@@ -33,7 +33,7 @@ import numpy as np
 
 from ..kernels import library
 from ..kernels.protocol import NumberType
-from ..model import DEFAULT, LARGEST_BOUND, ImpactModel, Precision
+from ..model import DEFAULT, LARGEST_BOUND, ImpactModel, Precision, integrates_in_steps
 from ..status import StatusCode, format_value
 from .dask_arrays import resolve_lazily
 from .one_by_one import resolve_one_by_one
@@ -190,6 +190,9 @@ def _refine(
     columns = _inexact(out, LARGEST_BOUND if plan.last_precision is Precision.DOUBLE else plan.target_bound)
     if columns.size and plan.first_precision is not plan.last_precision:
         columns = _compute_extended(request, out, columns, workers)
+    model = request.plan.model
+    if integrates_in_steps(model) and not model.restitution_threshold:
+        columns = columns[~(out.error_bound[columns] < 1)]  # resolve() would not try more either
     if columns.size:
         yield from resolve_one_by_one(request.select(columns), out, columns)
     has_answer = (out.status == StatusCode.OK) | (out.status == StatusCode.SEPARATING)

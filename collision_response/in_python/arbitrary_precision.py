@@ -16,13 +16,13 @@ from typing import Any, NamedTuple
 from ..answer import Impact, make_impact
 from ..geometry import geometry_for
 from ..impact import Changes, ImpactNumbers, impact
-from ..model import Geometry, ImpactModel, Law, ModelPlan, Precision, plan_model
+from ..model import ImpactModel, Law, ModelPlan, Precision, integrates_in_steps, plan_model
 from ..numbers import balls
 from ..numbers.balls import Ball, Undecided
 from ..numbers.operations import numbers_in
 from ..physics.body import Body
 from ..physics.contact import Contact
-from ..physics.laws import PATHS, STEPPED, Regime, Settings
+from ..physics.laws import Regime, Settings
 from .request_numbers import body_as_fractions, contact_as_fractions, read_request
 
 BITS = tuple(2**k for k in range(7, 15))
@@ -83,11 +83,6 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
         return None
     used_contact = contact._replace(friction=0.0) if frictionless else contact
     return make_impact((a, b), best.answer, used_contact, used_model, best.rounded_bound, plan.bound_limit)
-
-
-def integrates_in_steps(model: ImpactModel) -> bool:
-    """Whether a model without AUTO may integrate a path in steps. More digits do not make it more exact."""
-    return model.law in STEPPED or (model.law in PATHS and model.geometry is Geometry.SPATIAL)
 
 
 def _attempt(request: tuple[Body, Body, Contact], model: ImpactModel, plan: ModelPlan, bits: int) -> Attempt:
