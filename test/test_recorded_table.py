@@ -352,6 +352,18 @@ def test_a_recording_whose_pieces_were_joined_is_the_same(all_kinds, recording, 
     assert main(["replay", str(joined)]) == 0
 
 
+def test_all_runs_in_a_merged_file_are_read(recording, capsys):
+    """rerun alone reads the first. What bodies did next would mix the runs, so ``identify`` refuses."""
+    request = next(requests())
+    runs = recording([record(1, request)], "a.rrd"), recording([record(2, request)], "b.rrd")
+    merged = runs[0].with_name("merged.rrd")
+    subprocess.run([sys.executable, "-m", "rerun", "rrd", "merge", *runs, "-o", merged], check=True)
+    assert read([merged])["answer"].to_pylist() == [1, 2]
+    assert main(["replay", str(merged)]) == 0
+    assert main(["identify", str(merged)]) == 1
+    assert "must be those of one run of the node" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("tolerance", ["nan", "inf", "-inf", "-1", "-1e-300", "none", ""])
 def test_an_invalid_replay_tolerance_is_refused(all_kinds, capsys, tolerance):
     with pytest.raises(SystemExit) as ended:

@@ -44,7 +44,8 @@ def read_impacts(path: Path, within: float) -> Impacts:
 
     Raises:
         ImpactError: INVALID_TABLE if the recording has no impacts, or no state that was received within the
-            given time after one of them. Other codes as :meth:`~collision_response.identify.Impacts.of`.
+            given time after one of them, or the states of several runs. Other codes as
+            :meth:`~collision_response.identify.Impacts.of`.
         OSError: if the file cannot be read, or is not a recording of the node.
     """
     try:
@@ -87,7 +88,11 @@ def _read_histories(path: Path) -> dict[str, History]:
     States are the rows that are not on the timeline of answers. The first arrow of a row is the velocity.
     """
     histories: dict[str, History] = defaultdict(list)
-    for chunk in table.open_complete(path).stream().filter(content=f"{VELOCITIES}/**").to_chunks():
+    file = table.open_complete(path)
+    if (runs := len(file.recordings())) > 1:
+        reason = f"must be those of one run of the node: {path} holds {runs} runs"
+        raise ImpactError(StatusCode.INVALID_TABLE, "states", reason)
+    for chunk in table.chunks_of(file, f"{VELOCITIES}/**"):
         batch = chunk.to_record_batch()
         if not {"ros_time", "Arrows3D:vectors"} <= {*batch.schema.names}:
             continue

@@ -9,9 +9,9 @@ try:
     import rerun as rr
     import rerun.blueprint as rrb
     from pyarrow import compute
-    from rerun.chunk import RrdReader
+    from rerun.chunk import Chunk, RrdReader
     from rerun.error_utils import RerunWarning
 except ModuleNotFoundError:
     raise missing("rerun", "rerun-sdk") from None
 
-__all__ = ["RerunWarning", "RrdReader", "compute", "pa", "rr", "rrb"]
+__all__ = ["Chunk", "RerunWarning", "RrdReader", "compute", "pa", "rr", "rrb"]

@@ -21,7 +21,7 @@ from ..model import ENUMERATIONS
 from ..physics.inverse_inertia import InverseInertia
 from ..physics.vector import Vec3
 from .record import Record, Refusal
-from .rerun_sdk import RerunWarning, RrdReader, compute, pa, rr
+from .rerun_sdk import Chunk, RerunWarning, RrdReader, compute, pa, rr
 from .viewer_layout import PLOTS
 
 TABLE = "/impacts"
@@ -141,8 +141,8 @@ def read(
     tables = []
     for path in paths:
         recording = open_complete(path)
-        chunks = recording.stream().filter(content=table).to_chunks()
-        if not chunks and not recording.stream().filter(content=ALWAYS_PRESENT).to_chunks():
+        chunks = chunks_of(recording, table)
+        if not chunks and not chunks_of(recording, ALWAYS_PRESENT):
             raise _foreign(path, f"it has neither {table} nor {ALWAYS_PRESENT}")
         for chunk in chunks:
             rows = _rows_in(chunk.to_record_batch(), columns | optional)
@@ -170,6 +170,12 @@ def open_complete(path: Path | str) -> RrdReader:
             recovered = Path(path).with_name(f"recovered_{Path(path).name}")
             repair = ["rerun", "rrd", "merge", "--continue-on-error", str(path), "-o", str(recovered)]
             raise ValueError(f"{path} {why}; recover it with: {shlex.join(repair)}") from None
+
+
+def chunks_of(file: RrdReader, content: str) -> list[Chunk]:
+    """Return what a file holds of some entities, in all its recordings: those of several runs, if merged."""
+    streams = [file.stream(store=store) for store in file.recordings()]
+    return [chunk for stream in streams for chunk in stream.filter(content=content).to_chunks()]
 
 
 def _foreign(path: Path | str, why: str) -> ValueError:
