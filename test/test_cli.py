@@ -236,6 +236,20 @@ class TestCall:
             _, wrong = run.communicate(timeout=DEADLINE)
         assert (run.returncode, wrong) == (code, "")
 
+    def test_ctrl_c_while_ros_starts_ends_it_quietly(self, ros_domain, monkeypatch, capsys):
+        """The signal handler of rclpy shuts ROS down before Python raises KeyboardInterrupt."""
+        import rclpy
+
+        from collision_response.ros.take_all import RCLError
+
+        def interrupted(_):
+            rclpy.shutdown()
+            raise RCLError("the context is not valid")
+
+        monkeypatch.setattr(rclpy, "create_node", interrupted)
+        assert main(["call", "{}"]) == 128 + signal.SIGINT
+        assert capsys.readouterr().err == ""
+
     def test_a_failed_start_of_ros_is_reported(self, monkeypatch, capsys):
         monkeypatch.setenv("ROS_DOMAIN_ID", "one")
         assert main(["call", "{}"]) == 2

@@ -199,8 +199,9 @@ def answer(kind: Any, request: Any, service: str, timeout: float) -> Any:
     """
     sigint = SignalHandlerOptions.SIGINT  # type: ignore[attr-defined]  # rclpy's stub has another spelling
     rclpy.init(args=[], signal_handler_options=sigint)  # SIGTERM ends the process
-    node = rclpy.create_node("collision_response_call")
+    node = None
     try:
+        node = rclpy.create_node("collision_response_call")
         client: Any = node.create_client(
             kind, service, qos_profile=QoSProfile(history=HistoryPolicy.KEEP_ALL)
         )
@@ -214,8 +215,13 @@ def answer(kind: Any, request: Any, service: str, timeout: float) -> Any:
         if not future.done():
             raise TimeoutError(f"no answer from {service} within {timeout:g} s")
         return future.result()
+    except RCLError:
+        if rclpy.ok():
+            raise
+        raise KeyboardInterrupt from None  # on Ctrl-C, ROS is shut down before Python hears of it
     finally:
-        node.destroy_node()
+        if node is not None:
+            node.destroy_node()
         rclpy.try_shutdown()
 
 
