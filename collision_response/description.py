@@ -32,6 +32,19 @@ Pose = Any
 MODEL_FRAME = "__model__"
 """SDF's name for the frame of the model."""
 
+URDF_JOINTS = "fixed", "revolute", "continuous", "prismatic", "floating", "planar"
+SDF_JOINTS = (
+    "fixed",
+    "revolute",
+    "continuous",
+    "prismatic",
+    "revolute2",
+    "universal",
+    "ball",
+    "screw",
+    "gearbox",
+)
+
 
 class Inertial(NamedTuple):
     """A link's mass [kg], centre of mass [m] and inertia about it [kg m^2], in the axes of the link."""
@@ -72,9 +85,9 @@ class Description(NamedTuple):
             text: the XML; bytes are decoded as their XML declaration says.
 
         Raises:
-            ValueError: if ``text`` is neither, or has an invalid number, a negative mass or a duplicate link;
-                if a URDF is not a tree or has xacro elements; if an SDF model is static. The message says
-                where.
+            ValueError: if ``text`` is neither, or has an invalid number, a negative mass, a duplicate link
+                or a joint of unknown type; if a URDF is not a tree or has xacro elements; if an SDF model
+                is static. The message says where.
         """
         try:
             root = ElementTree.fromstring(text)
@@ -166,12 +179,21 @@ def _urdf(robot: Element) -> tuple[dict[str, Inertial], tuple[Joint, ...]]:
         if child in parents:
             raise ValueError(f"{where}: its child {child!r} is the child of another joint too")
         parents[child] = [parent]
-        joints.append(Joint(parent, child, _urdf_pose(joint, where), joint.get("type") == "fixed"))
+        joints.append(Joint(parent, child, _urdf_pose(joint, where), _is_fixed(joint, URDF_JOINTS)))
     try:
         TopologicalSorter(parents).prepare()
     except CycleError as error:
         raise ValueError(f"joints connect links in a circle: {', '.join(error.args[1])}") from None
     return inertials, tuple(joints)
+
+
+def _is_fixed(joint: Element, types: Sequence[str]) -> bool:
+    """Whether a joint is fixed. A type with a typing error is no movable joint: it would lose a mass."""
+    kind = joint.get("type")
+    if kind not in types:
+        reason = f"type must be one of {', '.join(types)}; is {kind!r}"
+        raise ValueError(f"joint {joint.get('name')!r}: {reason}")
+    return kind == "fixed"
 
 
 def _urdf_inertial(link: Element) -> Inertial:
@@ -204,7 +226,7 @@ def _sdf(model: Element) -> tuple[dict[str, Inertial], tuple[Joint, ...]]:
             raise ValueError(f"model {model.get('name')!r}: a <{tag}> inside a model is not supported")
     if _is_true(model.findtext("static")):
         raise ValueError(f"model {model.get('name')!r} is static: give it as a STATIC body")
-    elements = {e.get("name", ""): e for tag in ("link", "joint", "frame") for e in model.iterfind(tag)}
+    elements = {e.get("name", ""): e for tag in ("joint", "frame", "link") for e in model.iterfind(tag)}
 
     known = {MODEL_FRAME: np.eye(4)}
 
@@ -232,7 +254,7 @@ def _sdf(model: Element) -> tuple[dict[str, Inertial], tuple[Joint, ...]]:
         if "world" not in (parent, child):
             _check_links(f"joint {joint.get('name')!r}", (parent, child), inertials)
             pose = np.linalg.inv(pose_in_model(parent)) @ pose_in_model(child)
-            joints.append(Joint(parent, child, pose, joint.get("type") == "fixed"))
+            joints.append(Joint(parent, child, pose, _is_fixed(joint, SDF_JOINTS)))
     return inertials, tuple(joints)
 
 

@@ -148,6 +148,16 @@ def test_sdf_poses_may_be_relative_to_frames_and_joints():
     np.testing.assert_allclose(joint.pose[:3, :3], np.diag([-1.0, -1.0, 1.0]), atol=ROUNDING)
 
 
+def test_a_link_may_share_its_name_with_a_joint_or_a_frame():
+    """Old models do so; joints connect links."""
+    text = sdf(
+        "<link name='a'/><link name='b'><pose>1 0 0 0 0 0</pose></link>",
+        "<joint name='b' type='fixed'><pose>5 0 0 0 0 0</pose><parent>a</parent><child>b</child></joint>",
+        "<frame name='a'><pose>9 0 0 0 0 0</pose></frame>",
+    )
+    assert tuple(body_of(text, "a").com) == (0.5, 0.0, 0.0)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -173,6 +183,17 @@ def test_sdf_poses_may_be_relative_to_frames_and_joints():
         (urdf(turned("0 0 0 0")), "quat_xyzw of link 'a': the quaternion must be finite and not 0"),
         (urdf("<link name='a'><inertial/></link>"), "link 'a' has no <mass>"),
         (urdf(link("a", 1.0), joint("a", "b")), "joint 'a-b': the robot has no link 'b'"),
+        (
+            urdf(link("a", 1.0), link("b", 1.0), joint("a", "b", "Fixed")),
+            "prismatic, floating, planar; is 'Fixed'",
+        ),
+        (
+            sdf(
+                "<link name='a'/><link name='b'/>",
+                "<joint name='j'><parent>a</parent><child>b</child></joint>",
+            ),
+            "joint 'j': type must be one of fixed, revolute, ",
+        ),
         (sdf("<include/>"), "model 'model': a <include> inside a model is not supported"),
         (sdf("<link name='a'><inertial auto='true'/></link>"), "link 'a': an inertial with auto='true'"),
         (
