@@ -4,7 +4,7 @@ The files::
 
     record.py            the entries of a recording
     recorder.py          a worker thread takes entries from a queue, so that no caller waits
-    writer.py            writes entries for the viewer; viewer_layout.py: where it shows them
+    writer.py            writes entries for the viewer; viewer_layout.py: where it shows them; colours.py
         equivalent_solid.py, piped_file.py    the shape of a body; a file that rerun writes to
     table.py, scenes.py  the tables of impacts and of scenes: written, read and computed again
     rerun_sdk.py         imports rerun, or says what to install

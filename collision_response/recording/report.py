@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .colours import BLUE, GREY, ORANGE, RED, REGIMES, VIOLET, Colour
 from .rerun_sdk import pa
 from .table import is_answer, rows_of
-from .viewer_layout import BLUE, GREY, ORANGE, RED, REGIMES, VIOLET, Colour
 
 SHOWN = 3000
 """Greatest number of points in a plot. Of more impacts, evenly spaced ones are shown; the tables use all."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from .colours import AFTER, BEFORE, GREEN, RED, VIOLET, Colour
 from .rerun_sdk import rr, rrb
 
 WORLD = "/world"
@@ -12,20 +13,6 @@ CONTACT = f"{WORLD}/contact"
 CONE = f"{WORLD}/friction_cone"
 REGIME = "/impact/regime"
 LOG = "/log"
-
-Colour = tuple[int, int, int]
-
-BLUE, ORANGE, GREEN, RED, VIOLET, GREY = (
-    (90, 160, 230),
-    (240, 150, 50),
-    (110, 190, 110),
-    (220, 80, 80),
-    (160, 120, 210),
-    (150, 150, 150),
-)
-BEFORE, AFTER = BLUE, ORANGE
-SPIN_BEFORE, SPIN_AFTER = (60, 110, 170), (180, 100, 20)
-REGIMES = {"STICKING": GREEN, "SLIDING": BLUE, "REVERSED": ORANGE, "JAMMED": RED, "SEPARATING": GREY}
 
 HAS_STATES = hasattr(rr, "StateChange")
 """Whether this version of rerun shows states over time. 0.39, the last one for Python 3.10, does not."""

@@ -17,6 +17,7 @@ from ..body_conversions import orientation_of, with_com_as_reference
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
 from ..physics.vector import ZERO, Vec3
+from .colours import AFTER, BEFORE, GREEN, GREY, RED, REGIMES, SPIN_AFTER, SPIN_BEFORE, VIOLET
 from .equivalent_solid import EquivalentSolid
 from .piped_file import PipedFile
 from .record import BodyRecord, Entry, Gap, Record, Refusal, SceneRecord, UnwritableEntries, with_floats
@@ -25,21 +26,12 @@ from .scenes import TABLE as SCENES
 from .scenes import scene_columns
 from .table import TABLE, impact_columns, refusal_columns
 from .viewer_layout import (
-    AFTER,
-    BEFORE,
     CONE,
     CONTACT,
-    GREEN,
-    GREY,
     HAS_STATES,
     LOG,
     PLOTS,
-    RED,
     REGIME,
-    REGIMES,
-    SPIN_AFTER,
-    SPIN_BEFORE,
-    VIOLET,
     WORLD,
     blueprint,
     body_path,

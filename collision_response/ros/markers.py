@@ -17,6 +17,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from ..msg import CollisionResult, SceneResult
 from ..physics.vector import Vec3
+from ..recording import colours
 from ..status import StatusCode
 from .convert import vector_message, vector_of
 from .parameters import Declaration, declare, warn_of_unknown
@@ -44,9 +45,8 @@ RESULTS = QoSProfile(depth=100)
 
 RED, GREY, GREEN, VIOLET = (
     ColorRGBA(r=r / 255, g=g / 255, b=b / 255, a=a)
-    for r, g, b, a in ((220, 80, 80, 1.0), (150, 150, 150, 1.0), (110, 190, 110, 1.0), (160, 120, 210, 0.3))
+    for (r, g, b), a in ((colours.RED, 1.0), (colours.GREY, 1.0), (colours.GREEN, 1.0), (colours.VIOLET, 0.3))
 )
-"""The same colours as in recordings."""
 
 FULL_CIRCLE = np.linspace(0.0, 2 * np.pi, 33)
 
