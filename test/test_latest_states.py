@@ -204,6 +204,15 @@ def test_time_that_was_set_back_shuts_nothing_out_for_long(kinds, publisher):
 
 
 @KINDS
+def test_a_state_that_is_a_second_late_is_ignored_whenever_it_arrives(kinds):
+    store, (first, second) = StateStore(), kinds
+    store.hear(first(900, 1.0), 1)
+    store.seconds += 10 * MAX_DELAY
+    store.hear(second(899, 2.0), 2)
+    assert store.speed() == 1.0
+
+
+@KINDS
 def test_a_publisher_whose_clock_is_late_does_not_interrupt_another(kinds):
     store, (first, second) = StateStore(), kinds
     for seconds in range(1, 10):

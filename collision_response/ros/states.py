@@ -25,8 +25,8 @@ MAX_PUBLISHERS = 1000
 """Number of publishers whose messages are counted. Tables are kept of a tenth of that number."""
 
 MAX_DELAY = 1.0
-"""Longest time [s] by which a state that is late counts as late. A state that arrives longer after one with a
-later stamp is the latest all the same: time was set back, or the clocks of two publishers differ."""
+"""Longest time [s] by which a state may be late. If its stamp is further back, time was set back, or the
+clocks of two publishers differ; it then counts as the latest if no later one has arrived for this time."""
 
 
 def quoted(name: str) -> str:
@@ -46,8 +46,9 @@ class LatestStates:
     """The latest states of bodies by their names, from single states and tables.
 
     The latest state is the one with the latest stamp. A state without a stamp counts as the latest when it
-    arrives. So does a state that arrives while the known state is stamped in the future, or more than
-    ``MAX_DELAY`` after it: one wrong clock must not shut out the right ones.
+    arrives. So does a state that arrives while the known state is stamped in the future, or one whose stamp
+    is more than ``MAX_DELAY`` earlier, if no later one has arrived for that time: one wrong clock must not
+    shut out the right ones.
 
     Attributes:
         received: number of messages received.
@@ -192,7 +193,8 @@ class LatestStates:
         """The later of two messages, of which ``new`` arrived later."""
         if new.stamp >= old.stamp or not new.stamp or old.stamp > self.now():
             return new
-        return new if new.arrival - old.arrival > MAX_DELAY else old
+        gap = min((old.stamp - new.stamp) / 1e9, new.arrival - old.arrival)
+        return new if gap > MAX_DELAY else old
 
     def _count_outdated(self, old: AnySerialized, new: AnySerialized, what: str) -> AnySerialized:
         """The later of two messages; counts ``new`` as outdated if it is not. A warning calls it ``what``."""
