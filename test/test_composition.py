@@ -110,7 +110,7 @@ def test_a_node_that_ends_after_an_answer_logs_no_error(graph, monkeypatch, capf
     assert "Traceback" not in capfd.readouterr().err
 
 
-def test_ctrl_c_while_a_request_is_read_is_no_system_error(graph, monkeypatch):
+def test_ctrl_c_while_a_request_is_read_is_no_system_error(graph, monkeypatch, capfd):
     """rclpy does not notice errors in the constructor of a message, and then Python raises SystemError."""
     host = Host(SingleThreadedExecutor, graph.namespace)
     errors = [MemoryError, KeyboardInterrupt]
@@ -131,6 +131,7 @@ def test_ctrl_c_while_a_request_is_read_is_no_system_error(graph, monkeypatch):
     future = graph.call_async(balls_meet())
     host.spin_until(future.done)
     assert errors == []
+    assert "a request could not be read: MemoryError()" in capfd.readouterr().err
     host.close()
 
 

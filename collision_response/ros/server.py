@@ -327,7 +327,7 @@ class Server:
 
     def _count_unreadable(self, error: Exception) -> None:
         self._counters.unreadable += 1
-        self._log.warning(f"a request could not be read: {error}", throttle_duration_sec=WARNING_INTERVAL)
+        self._log.warning(f"a request could not be read: {error!r}", throttle_duration_sec=WARNING_INTERVAL)
 
 
 def _try_to_send(service: Service[Any, Any], response: Any, header: Any) -> bool:
