@@ -90,7 +90,10 @@ class LatestStates:
 
     def __len__(self) -> int:
         """Number of bodies known."""
-        return len(self._by_name) + sum(len(table.columns) for table in self._tables.values())
+        return len(self._by_name) + self._number_in_tables()
+
+    def _number_in_tables(self) -> int:
+        return sum(table.size for table in self._tables.values())  # as they say: it needs no deserialization
 
     def add(self, message: bytes, info: Any) -> SerializedState | None:
         """Add a serialized ``BodyState``.
@@ -132,10 +135,7 @@ class LatestStates:
             self._count_evicted(table.size)
             return
         self._tables[key] = table if known is None else self._count_outdated(known, table, "a table")
-        while (
-            len(self._tables) > MAX_PUBLISHERS // 10
-            or sum(known.size for known in self._tables.values()) > self._max_bodies
-        ):
+        while len(self._tables) > MAX_PUBLISHERS // 10 or self._number_in_tables() > self._max_bodies:
             self._count_evicted(self._tables.pop(next(iter(self._tables))).size)
 
     def note_unreadable(self, error: Exception) -> None:
