@@ -99,7 +99,9 @@ class Build(build):
     def run(self) -> None:
         build_and_stage()
         shutil.copytree(
-            STAGE / "python", self.build_lib, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info")
+            STAGE / "python",
+            self.build_lib,
+            ignore=shutil.ignore_patterns("__pycache__", "*.egg-info", "*.c"),
         )
         data: dict[str, list[str]] = {}
         for part in ("include", "lib", "share"):

@@ -120,6 +120,18 @@ def test_a_command_without_ros_says_what_to_install(capsys, monkeypatch):
     )
 
 
+@pytest.mark.parametrize("command", ["demo", "node", "call", "states", "markers"])
+def test_a_command_looks_for_the_wheels_of_ros_before_it_imports_ros(command):
+    """The search says what to install; a failed import only names one package."""
+    program = (
+        "import sys; sys.modules.update(dict.fromkeys(['builtin_interfaces', 'geometry_msgs', 'rclpy']));"
+        f"from collision_response.cli import main; main(['{command}']);"
+        "print('collision_response.ros.wheels' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-I", "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout == "True\n"
+
+
 def test_importing_the_source_tree_says_what_to_do(tmp_path):
     """As when Python finds the source directory ``collision_response`` before the installed package."""
     source = collision_response.__file__

@@ -42,6 +42,15 @@ def test_pip_builds_with_kilted():
     assert named == {name: kilted[name].removesuffix(".9") for name in named}
 
 
+def test_an_sdist_holds_what_the_build_reads(monkeypatch):
+    """Besides what pip adds by itself."""
+    monkeypatch.syspath_prepend(str(ROOT / "tools"))
+    import setup_venv
+
+    held = {"setup.py", *(ROOT / "MANIFEST.in").read_text().split()}
+    assert held >= {*setup_venv.BUILD_INPUTS, setup_venv.PACKAGE.name, "tools"}
+
+
 def test_no_version_belongs_to_two_releases():
     """Otherwise a mixture could pass for either."""
     kilted, jazzy = wheels("kilted"), wheels("jazzy")

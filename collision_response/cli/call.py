@@ -9,6 +9,7 @@ from array import array
 from difflib import get_close_matches
 from typing import Any
 
+from ..ros.take_all import RCLError  # isort: skip  # before rclpy: if that is missing, it says what to install
 import rclpy
 from rclpy.exceptions import NameValidationException
 from rclpy.qos import HistoryPolicy, QoSProfile
@@ -21,7 +22,6 @@ from ..msg import BodyState
 from ..ros.batch_client import unpack
 from ..ros.convert import error_from
 from ..ros.tables import LAYOUTS
-from ..ros.take_all import RCLError
 from ..scene.answer import scene_table
 from ..srv import ResolveCollision, ResolveCollisionBatch, ResolveScene
 from ..strict_yaml import YAMLError, load_yaml
