@@ -1,7 +1,6 @@
 """Makes the pictures and tables of impact-laws.md with the package.
 
-It needs ``pip install '.[plots]'``. ``python docs/impact_laws.py`` writes the pictures to docs/images
-and the tables into the page.
+``.venv/bin/python -I docs/impact_laws.py`` writes the pictures to docs/images and the tables into the page.
 """
 
 from __future__ import annotations

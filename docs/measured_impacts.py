@@ -1,8 +1,8 @@
 """Makes the figures, tables and pictures of measured-impacts.md.
 
-    python docs/measured_impacts.py --ellipse CLONE --cubes FILE
+    .venv/bin/python -I docs/measured_impacts.py --ellipse CLONE --cubes FILE
 
-It needs ``pip install '.[identify]'``. CLONE is a clone of github.com/mcubelab/planar-impact-dataset. FILE is
+CLONE is a clone of github.com/mcubelab/planar-impact-dataset. FILE is
 a table of impacts of cubes, as ``python -m collision_response.identify --help`` describes it. Without an
 argument, its figures in ``measured-impacts.json`` are kept.
 """

@@ -1,7 +1,7 @@
 """Makes the pictures and the table of laws of scenes.md with the package.
 
-It needs ``pip install '.[plots]'``. ``python docs/scenes.py`` writes the pictures to docs/images and the
-table into the page. Costs and peers on the page come from benchmarks/scenes.py.
+``.venv/bin/python -I docs/scenes.py`` writes the pictures to docs/images and the table into the page. Costs
+and peers on the page come from benchmarks/scenes.py.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Makes the picture and the table of square-on-incline.md.
-
-Run ``pip install '.[plots]'``, then ``python docs/square_on_incline.py``.
-"""
+"""``.venv/bin/python -I docs/square_on_incline.py`` makes the picture and table of square-on-incline.md."""
 
 from __future__ import annotations
 
