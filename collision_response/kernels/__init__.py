@@ -17,7 +17,8 @@ What a call from Python runs, through ``library.py``, whose types are in ``_comp
     derivatives.cpp            derivatives of many impacts, a module of its own
 
     kernel_table.hpp           which kernel computes what
-    units.hpp                  tries other units where numbers leave the range of floats
+    units.hpp                  units in which numbers are in the middle of the range of floats
+    suitable_units.hpp         tries these where numbers leave the range
     answer_bound.hpp           makes one error bound of the errors of all numbers
     protocol.py                the numbers by which Python and C++ refer to things
 """

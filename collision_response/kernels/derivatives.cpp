@@ -6,6 +6,7 @@
 #include <array>
 
 #include "derivatives.hpp"
+#include "units.hpp"
 
 #include "changes.hpp"
 
@@ -161,15 +162,20 @@ struct Differentiation {
   // The derivatives of one impact in `width` directions.
   void in_directions(long at, long first, int width) const {
     arena = {};
+    double x[INPUTS];
+    for (int i = 0; i < INPUTS; ++i) x[i] = inputs[i * n + at];
+    const Units units = suitable_units(x);
     SparseDerivatives parameters[PARAMETERS];
-    for (int p = 0; p < PARAMETERS; ++p) parameters[p] = parameter(p, at, first, width);
+    for (int p = 0; p < PARAMETERS; ++p) parameters[p] = parameter(p, at, first, width, power_of_parameter(p, units));
     SparseDual in[INPUTS], y[CHANGES];
-    for (int i = 0; i < INPUTS; ++i) in[i] = SparseDual(Make<Bounded<double>>::constant(inputs[i * n + at]));
+    for (int i = 0; i < INPUTS; ++i)
+      in[i] = SparseDual(Make<Bounded<double>>::constant(std::ldexp(x[i], units.power_of(input_units[i]))));
     seed(in, parameters);
     changes(in, y, nullptr, nullptr, LawImpulse{law, width});
     Edges kinks = 0, jumps = 0;
     for (int i = 0; i < RESULTS; ++i) {
-      const SparseDual& change = y[i < TWISTS ? AXES + i : i - TWISTS];
+      const int place = i < TWISTS ? AXES + i : i - TWISTS, power = -units.power_of(change_units[place]);
+      const SparseDual& change = y[place];
       SparseDerivatives d = change.d;
       if (i < TWISTS)
         d = d.blended(1, parameters[VELOCITY + (i < TWISTS / 2 ? i : PARAMETERS_OF_BODY + i - TWISTS / 2)], 1);
@@ -177,7 +183,7 @@ struct Differentiation {
       const double* line = reinterpret_cast<const double*>(d.d);
       const int begin = std::min(4 * d.begin, width), end = std::max(begin, std::min(4 * d.end, width));
       for (int k = 0; k < begin; ++k) row[k * n] = 0;
-      for (int k = begin; k < end; ++k) row[k * n] = line[k];
+      for (int k = begin; k < end; ++k) row[k * n] = power ? std::ldexp(line[k], power) : line[k];
       for (int k = end; k < width; ++k) row[k * n] = 0;
       kinks |= change.kinks;
       jumps |= change.jumps;
@@ -188,14 +194,30 @@ struct Differentiation {
  private:
   static constexpr int ORIENTATION = IN_BODY_A_ORIENTATION_X, VELOCITY = IN_BODY_A_VELOCITY_X - 1;
 
-  // The components of some directions along a parameter. Not inlined: the caller has no registers left.
-  __attribute__((noinline)) SparseDerivatives parameter(int p, long at, long first, int width) const {
+  // Units in which no product leaves the range of floats; those that are given if no number is extreme.
+  static Units suitable_units(const double* x) {
+    auto is_usual = [](double x) {
+      return x == 0 || std::isinf(x) || (0x1p-60 < std::fabs(x) && std::fabs(x) < 0x1p60);
+    };
+    return std::all_of(x, x + INPUTS, is_usual) ? Units{} : Units::of(x, false);
+  }
+  // The power of two that a parameter is multiplied by; 0 for a rotation.
+  static int power_of_parameter(int p, const Units& units) {
+    if (p == STIFFNESS) return 0;
+    const int side = std::min(p / PARAMETERS_OF_BODY, 2), i = p - side * PARAMETERS_OF_BODY;
+    if (side < 2 && i >= ORIENTATION && i < ORIENTATION + AXES) return 0;
+    return units.power_of(input_units[side * BODY + i + (side < 2 && i > ORIENTATION)]);
+  }
+  // The components of some directions along a parameter, times a power of two. Not inlined: the caller has no registers
+  // left.
+  __attribute__((noinline)) SparseDerivatives parameter(int p, long at, long first, int width, int power) const {
     long step = direction_stride ? n : 1;
     const double* row = directions + (p * count + first) * step + direction_stride * at;
     double line[SparseDerivatives::DIRECTIONS];
     if (step == 1) std::memcpy(line, row, width * sizeof *row);
     else
       for (int k = 0; k < width; ++k) line[k] = row[k * step];
+    for (int k = 0; power && k < width; ++k) line[k] = std::ldexp(line[k], power);
     int begin = 0, end = (width + 3) / 4;
     for (int k = width; k < 4 * end; ++k) line[k] = 0;
     auto is_zero = [&](int block) {

@@ -3,7 +3,7 @@
 
 #include "module.hpp"
 #include "read_numbers.hpp"
-#include "units.hpp"
+#include "suitable_units.hpp"
 
 namespace {
 

@@ -1,8 +1,9 @@
 // Exact changes of units, for requests near the ends of the range of floats.
 #pragma once
 #include <algorithm>
+#include <cmath>
 
-#include "kernel_table.hpp"
+#include "one_impact.hpp"
 
 // Units that bring the numbers of a request into the middle of the range of floats: powers of two for mass, length,
 // time, and the lengths of the two quaternions and of the normal.
@@ -65,44 +66,3 @@ struct Units {
     x = scaled;
   }
 };
-
-// Compute an impact in other units, and convert the result back.
-static void impact_in_other_units(ImpactKernel kernel, bool articulated, const double* input, const double* error,
-                                  ImpactResult& result) {
-  Units units = Units::of(input, articulated);
-  double scaled[ALL_INPUTS], scaled_error[ALL_INPUTS], no_error = 0;
-  for (int i = 0; i < (articulated ? ALL_INPUTS : INPUTS); ++i) {
-    scaled[i] = input[i];
-    scaled_error[i] = error[i];
-    if (input[i] - input[i] == 0) Units::scale(scaled[i], scaled_error[i], units.power_of(input_units[i]));
-  }
-  kernel(scaled, scaled_error, &result);
-  for (int i = 0; i < CHANGES; ++i) Units::scale(result.change[i], result.error[i], -units.power_of(change_units[i]));
-  for (int i = 0; i < REPORTED; ++i) Units::scale(result.reported[i], no_error, -units.power_of(reported_units[i]));
-}
-
-// Whether an intermediate square or product may have left the range of floats.
-static inline bool is_extreme(const ImpactResult& result, bool single) {
-  double limit = single ? 0x1p40 : 0x1p400;
-  auto is_out = [limit](double x) { return x != 0 && !(std::fabs(x) > 1 / limit && std::fabs(x) < limit); };
-  return is_out(result.reported[OUT_NORMAL_IMPULSE]) || is_out(result.reported[OUT_NORMAL_VELOCITY_BEFORE]) ||
-         is_out(result.reported[OUT_KINETIC_ENERGY_BEFORE]) || is_out(result.reported[OUT_EFFECTIVE_MASS]);
-}
-
-static inline bool all_finite(const ImpactResult& result) {
-  double sum = 0;
-  for (double number : result.change) sum += number - number;
-  for (double number : result.reported) sum += number - number;
-  return sum == 0;
-}
-
-// Compute an impact; in other units too, if numbers near the ends of the range of floats may have spoilt the result.
-static inline void compute_in_suitable_units(ImpactKernel kernel, bool articulated, bool single, const double* input,
-                                             const double* error, ImpactResult& result) {
-  kernel(input, error, &result);
-  if (result.error_bound < INFINITY && !is_extreme(result, single) && all_finite(result)) return;
-  ImpactResult scaled;
-  impact_in_other_units(kernel, articulated, input, error, scaled);
-  bool knows_more = scaled.error_bound < INFINITY || !(result.error_bound < INFINITY);
-  if ((all_finite(scaled) && knows_more) || !all_finite(result)) result = scaled;
-}
