@@ -189,6 +189,56 @@ def test_float32_equals_single_precision(geometry, law):
     assert_same_values(result, resolve_one_by_one(geometry, collisions, [model] * len(collisions)))
 
 
+def skew_bodies(thickness):
+    """Float32 tables of bodies whose tensors float32 holds to rounding only: thin rods, or flat plates.
+
+    Each strikes the floor, in many orientations of its axes.
+    """
+    body_row, contact_row = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
+    axes = np.linalg.qr(np.random.default_rng(5).normal(size=(200, 3, 3)))[0]
+    S = np.einsum("nij,j,nkj->nik", axes, [1.0, thickness, 0.0], axes)  # second moments of mass
+    full = np.trace(S, axis1=1, axis2=2)[:, None, None] * np.eye(3) - S
+    bodies, contacts = np.zeros((body_row.height, 2, 200)), np.zeros((contact_row.height, 200))
+    bodies[body_row.mass] = [[1.0], [np.inf]]
+    bodies[body_row.inertia][:, 0] = full[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]].T
+    bodies[body_row.velocity][:, 0] = [[0.5], [0.0], [-1.0]]
+    contacts[contact_row.position], contacts[contact_row.normal][2] = [[0.3], [0.2], [-0.1]], 1.0
+    contacts[contact_row.restitution], contacts[contact_row.friction] = 0.5, 0.2
+    return bodies.astype(np.float32), contacts.astype(np.float32)
+
+
+@pytest.mark.parametrize("power", [-70, 70])
+@pytest.mark.parametrize("thickness", [0.0, 0.25])
+def test_thin_bodies_of_float32_are_the_same_in_any_units(thickness, power):
+    """Contacts near the ends of float32 are computed again, from tensors with the rounding of float32."""
+    bodies, contacts = skew_bodies(thickness)
+    body_row, model = body_rows(Geometry.SPATIAL), ImpactModel(Law.COULOMB)
+    usual = resolve_batch(bodies, contacts, model)
+    assert (usual.status == StatusCode.OK).all()
+    bodies[body_row.mass], bodies[body_row.inertia] = (
+        np.ldexp(bodies[rows], power) for rows in (body_row.mass, body_row.inertia)
+    )
+    again = resolve_batch(bodies, contacts, model)
+    np.testing.assert_array_equal(again.status, usual.status)
+    # tens of roundings of float32
+    np.testing.assert_allclose(np.ldexp(again.impulse, -power), usual.impulse, atol=4e-6)
+    np.testing.assert_allclose(again.velocity, usual.velocity, atol=4e-6)
+    np.testing.assert_allclose(again.angular_velocity, usual.angular_velocity, atol=4e-6)
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
+@pytest.mark.parametrize(("mass", "speed", "report"), [(1e30, 1e20, False), (1.0, 1e38, True)])
+def test_results_beyond_float32_are_refused(law, mass, speed, report, recwarn):
+    bodies, contacts = sound_tables(Geometry.POINT, np.float32)
+    body_row, model = body_rows(Geometry.POINT), ImpactModel(law)
+    bodies[body_row.mass][..., 1], bodies[body_row.velocity][..., 1] = mass, 0.0
+    bodies[body_row.velocity][0, 0, 1] = -speed
+    result = resolve_batch(bodies, contacts, model, report=report)
+    assert result.status.tolist() == [StatusCode.OK, StatusCode.OUT_OF_RANGE, StatusCode.SEPARATING]
+    assert np.isnan(result.velocity[..., 1]).all() and np.isnan(result.impulse[..., 1]).all()
+    assert not recwarn.list
+
+
 def test_single_agrees_with_double_to_its_precision():
     bodies, contacts = (array[..., :FIRST_FAULTY] for array in shared_batch(Geometry.SPATIAL))
     exact = resolve_batch(bodies, contacts)
@@ -539,6 +589,15 @@ def test_results_may_not_share_memory():
     assert_same(resolve_batch(bodies, contacts, report=True, out=parts), out)
 
 
+@pytest.mark.parametrize("field", ["velocity", "status", "energy_lost_friction"])
+def test_results_that_cannot_be_written_are_named(field):
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
+    out = resolve_batch(bodies, contacts, report=True)
+    getattr(out, field).flags.writeable = False
+    with pytest.raises(ValueError, match=f"^out.{field}: must be writable, is read-only"):
+        resolve_batch(bodies, contacts, report=True, out=out)
+
+
 def test_results_may_lie_between_each_other_in_memory():
     bodies, contacts = shared_batch(Geometry.SPATIAL)
     expected = resolve_batch(bodies, contacts, report=True)
@@ -720,3 +779,25 @@ def test_no_impulse_is_lost_to_underflow(law, dtype, mass, speed, length):
     result = resolve_batch(bodies, contacts, ImpactModel(law))
     assert (result.status == StatusCode.OK).all()
     np.testing.assert_allclose(result.velocity[2, 0], speed / 2, rtol=4 * np.finfo(dtype).eps)
+
+
+@pytest.mark.parametrize(
+    ("dtype", "speed"), [(np.float32, 1e-25), (np.float32, 1e20), (np.float64, 1e-79), (np.float64, 1e-200)]
+)
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB], ids=lambda law: law.name)
+def test_a_threshold_applies_also_where_squares_leave_the_range(law, dtype, speed, recwarn):
+    bodies, contacts = sound_tables(Geometry.POINT, dtype)
+    contacts[contact_rows(Geometry.POINT).normal] = [[1.0], [0.0], [0.0]]
+    bodies[body_rows(Geometry.POINT).velocity] = 0.0
+    bodies[body_rows(Geometry.POINT).velocity][0, 0] = -np.array([1.0, 2.0, 3.0]) * speed
+    model = ImpactModel(law, restitution_threshold=1.5 * speed)
+    result = resolve_batch(bodies, contacts, model)
+    without = resolve_batch(bodies, contacts, ImpactModel(law))
+    assert (result.status == StatusCode.OK).all()
+    approach = result.velocity[0, 0] - result.velocity[0, 1]
+    assert abs(approach[0]) <= 4 * np.finfo(dtype).eps * speed  # no rebound
+    np.testing.assert_array_equal(result.velocity[..., 1:], without.velocity[..., 1:])
+    if dtype is np.float32:
+        above = resolve_batch(bodies, contacts, ImpactModel(law, restitution_threshold=1e39))
+        np.testing.assert_allclose(above.velocity[0, 0], above.velocity[0, 1], rtol=1e-6)
+    assert not recwarn.list

@@ -27,10 +27,22 @@ from exact import impulse_error
 from exact_adapter import exact_answer
 from random_impacts import RandomImpacts
 
-from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, Regime, StatusCode
+from collision_response import (
+    Body,
+    Contact,
+    Geometry,
+    ImpactError,
+    ImpactModel,
+    Law,
+    Precision,
+    Regime,
+    StatusCode,
+)
 from collision_response.batch import body_rows, contact_rows, resolve_batch
-from collision_response.physics.vector import ZERO
+from collision_response.physics.vector import ZERO, Vec3
 
+BOX = Body.box(1.0, (1.0, 0.5, 0.25))
+CORNER = Contact.of((0.25, 0.125, -0.125), normal=(0.0, 0.0, 1.0), friction=0.3)
 DOUBLE = ImpactModel(precision=Precision.DOUBLE, tolerance=1e300)
 """Report bounds, and never recompute with more digits."""
 
@@ -216,3 +228,20 @@ def test_a_path_that_jams_ends(law):
     assert set(found.status) == {StatusCode.OK, StatusCode.TOLERANCE_NOT_MET}
     assert sum(found.status == StatusCode.TOLERANCE_NOT_MET) < 200
     assert np.isfinite(found.error_bound).all()
+
+
+@pytest.mark.parametrize("restitution", [1e-3, 0.5])
+@pytest.mark.parametrize("law", [Law.COMPLIANT, Law.ROUTH_STRONGE, Law.COULOMB], ids=lambda law: law.name)
+def test_an_approach_at_the_threshold_has_the_bound_of_a_single_impact(law, restitution):
+    """More digits decide that the threshold does not apply, also for a law of one precision."""
+    collisions = [
+        Collision(BOX._replace(velocity=Vec3(0.5, 0.0, -speed)), Body.static(), CORNER)
+        for speed in (1.0, 1.0 + 2.0**-52, 1.0 - 2.0**-53, 2.0)
+    ]
+    collisions = [one._replace(contact=one.contact._replace(restitution=restitution)) for one in collisions]
+    bodies, contacts = batch_of(collisions)
+    for precision, tolerance in ((Precision.EXTENDED, 0.0), (Precision.AUTO, 1e-6)):
+        model = ImpactModel(law, precision=precision, tolerance=tolerance, restitution_threshold=1.0)
+        result = resolve_batch(bodies, contacts, model)
+        assert_same_values(result, resolve_one_by_one(Geometry.SPATIAL, collisions, [model] * 4))
+        assert (result.error_bound < 1e-6).all()

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from ..answer import Impact
-from ..model import Precision
+from ..kernels import library
+from ..model import ImpactModel, Precision
 from ..physics.body import Body
 from ..physics.contact import Contact
-from ..physics.tensor import ZERO_TENSOR
+from ..physics.tensor import ZERO_TENSOR, Symmetric3
 from ..physics.vector import ZERO, Vec3
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
@@ -30,22 +31,31 @@ def resolve_one_by_one(request: BatchRequest, out: BatchResult, columns: Array) 
     """
     plan, bodies, _, contacts = request
     model, rows, contact_rows = plan.model, plan.layout.bodies, plan.layout.contacts
-    if out.velocity.dtype == np.float32:
-        model = model._replace(precision=Precision.SINGLE)
+    resolve_one = _resolve_in_single if out.velocity.dtype == np.float32 else resolve
     for k, i in enumerate(columns.tolist()):
         body_a, body_b = (body_of(rows, bodies[:, side, k]) for side in (0, 1))
         contact, own_model = contacts[:, k], model
         if contact.size > contact_rows.height:
             own_model = model._replace(tangential_restitution=float(contact[contact_rows.height]))
         try:
-            impact = resolve(body_a, body_b, contact_of(contact_rows, contact), own_model)
+            _write_impact(out, i, resolve_one(body_a, body_b, contact_of(contact_rows, contact), own_model))
         except ImpactError as error:
             _write_refusal(out, i, error.code)
-        else:
-            _write_impact(out, i, impact)
         yield
 
 
+def _resolve_in_single(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact:
+    """Resolve in SINGLE; in AUTO where that leaves no digit, as of a rod, whose tensor it rounds again."""
+    try:
+        impact = resolve(body_a, body_b, contact, model._replace(precision=Precision.SINGLE))
+    except ImpactError:
+        impact = None
+    if impact is None or impact.status is StatusCode.TOLERANCE_NOT_MET:
+        return resolve(body_a, body_b, contact, model._replace(precision=Precision.AUTO))
+    return impact
+
+
+@np.errstate(over="ignore")
 def _write_impact(out: BatchResult, i: int, impact: Impact) -> None:
     twists = impact.twist_a, impact.twist_b
     linear, angular = len(out.velocity), len(out.angular_velocity)
@@ -53,8 +63,12 @@ def _write_impact(out: BatchResult, i: int, impact: Impact) -> None:
     out.angular_velocity[..., i] = np.array([twist.angular[3 - angular :] for twist in twists]).T
     out.impulse[..., i] = impact.impulse[:linear]
     out.status[i] = impact.status
-    for field in REPORT if out.regime is not None else ():
+    report = REPORT if out.regime is not None else ()
+    for field in report:
         getattr(out, field)[i] = getattr(impact, field)
+    written = [*out[:3], *(getattr(out, field) for field in report)]
+    if not all(np.isfinite(array[..., i]).all() for array in written):  # beyond float32
+        raise library.refusal(StatusCode.OUT_OF_RANGE)
     if out.precision is None:
         if impact.status is StatusCode.TOLERANCE_NOT_MET:  # a batch without bounds does not report that
             is_separating = impact.regime == impact.regime.SEPARATING
@@ -76,6 +90,8 @@ def body_of(rows: BodyRows, column: Array) -> Body:
     inertia = column[rows.inertia].tolist()
     if len(inertia) == 1:  # only the moment of inertia about z matters
         inertia = ZERO_TENSOR._replace(xx=inertia[0], yy=inertia[0], zz=inertia[0])
+    elif inertia and column.dtype == np.float32:
+        inertia = _without_rounding(Symmetric3(*column[rows.inertia]))
     orientation = column[rows.orientation].tolist() or None
     return Body.dynamic(
         float(column[rows.mass][0]),
@@ -85,6 +101,23 @@ def body_of(rows: BodyRows, column: Array) -> Body:
         _vector(column[rows.velocity]),
         Vec3(*ZERO[len(angular_velocity) :], *angular_velocity),
     )
+
+
+def _without_rounding(inertia: Symmetric3) -> Symmetric3:
+    """Return a tensor of float32 numbers as float64, whose formulas would take its rounding for inertia.
+
+    Of the second moments of mass, whose matrix is ``S = tr(I)/2 1 - I``, a thin rod has one, and none is
+    negative. A moment ``s`` along ``a`` adds ``s (a.a 1 - a a^T)`` to ``I``.
+    """
+    full: Array = np.array(inertia.rows(), float)
+    moments, axes = np.linalg.eigh(np.eye(3) * full.trace() / 2 - full)
+    exact = np.maximum(moments, 0.0)
+    if not Body.dynamic(np.float32(1), inertia).inverse_tensor().has_factors:
+        exact[:2] = 0.0
+    if (exact != moments).any():
+        arms = [np.cross(np.eye(3, dtype=np.longdouble), axis) for axis in axes.T]
+        full = sum(s * (arm @ arm.T) for s, arm in zip(exact, arms, strict=True)).astype(float)
+    return Symmetric3.of(full.tolist())
 
 
 def contact_of(rows: ContactRows, column: Array) -> Contact:

@@ -105,9 +105,8 @@ def scatter_velocities(bodies: Array, pairs: Any, result: BatchResult) -> None:
     Args:
         bodies: the table, shape ``(rows, B)``, which is changed: an array of NumPy, or of another library
             with the Array API whose rows can be assigned.
-        pairs: of the contacts, as given to :func:`~collision_response.batch.resolve_batch`. If a movable body
-            is in several pairs, the last one counts, so the contacts should be one of the
-            :func:`independent_sets`.
+        pairs: of the contacts, as given to :func:`~collision_response.batch.resolve_batch`. They should be
+            one of the :func:`independent_sets`: if a movable body is in several pairs, any of them counts.
         result: what ``resolve_batch`` returned for these contacts.
 
     Raises:

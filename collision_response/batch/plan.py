@@ -102,6 +102,7 @@ _recent_plans: dict[tuple[Any, ...], tuple[ImpactModel, BatchPlan]] = {}
 """Recent plans, by the identity of the model: hashing a model takes as long as a hundred contacts."""
 
 
+@np.errstate(over="ignore")  # a threshold beyond float32 is infinite
 def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> BatchPlan:
     layout = TABLE_LAYOUTS[rows]
     geometry, contact = layout.geometry, layout.contacts

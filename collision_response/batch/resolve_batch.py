@@ -33,7 +33,7 @@ import numpy as np
 
 from ..kernels import library
 from ..kernels.protocol import NumberType
-from ..model import DEFAULT, LARGEST_BOUND, ImpactModel, Precision, integrates_in_steps
+from ..model import DEFAULT, LARGEST_BOUND, USEFUL_BOUND, ImpactModel, Precision, integrates_in_steps
 from ..status import StatusCode, format_value
 from .dask_arrays import resolve_lazily
 from .one_by_one import resolve_one_by_one
@@ -74,7 +74,8 @@ def resolve_batch(
         pairs: for each contact the columns of its body_a and its body_b, integers, shape ``(2, N)``. A pair
             that names one body twice gets the status SAME_BODY, a pair that names no column of ``bodies``
             gets UNKNOWN_BODY.
-        report: whether to report regimes and energies, too.
+        report: whether to report regimes and energies, too. A contact with an energy beyond float64 is then
+            OUT_OF_RANGE, as in :func:`~collision_response.resolve`.
         out: where to write the results: an earlier result, or a BatchResult of arrays of the same shapes and
             types. They must not overlap the input or each other. Arrays for a report are written if they are
             there.
@@ -187,12 +188,14 @@ def _refine(
     out.precision[:] = plan.first_precision
     if worst_status <= StatusCode.SEPARATING and worst_bound <= plan.target_bound:
         return
-    columns = _inexact(out, LARGEST_BOUND if plan.last_precision is Precision.DOUBLE else plan.target_bound)
+    model = request.plan.model
+    columns = _inexact(out, LARGEST_BOUND if model.precision is Precision.DOUBLE else plan.target_bound)
     if columns.size and plan.first_precision is not plan.last_precision:
         columns = _compute_extended(request, out, columns, workers)
-    model = request.plan.model
-    if integrates_in_steps(model) and not model.restitution_threshold:
-        columns = columns[~(out.error_bound[columns] < 1)]  # resolve() would not try more either
+    if integrates_in_steps(model):
+        # More digits only decide whether the bodies approach, and whether they do so below the threshold.
+        undecided = USEFUL_BOUND if model.restitution_threshold > 0 else 1.0
+        columns = columns[~(out.error_bound[columns] < undecided)]
     if columns.size:
         yield from resolve_one_by_one(request.select(columns), out, columns)
     has_answer = (out.status == StatusCode.OK) | (out.status == StatusCode.SEPARATING)
@@ -248,12 +251,14 @@ def run_in_parts(work: Callable[[int, int], T], start: int, stop: int, threads: 
 
 
 def _check_out(request: BatchRequest, n: int, out: BatchResult) -> None:
-    """Raises: ValueError: if an array has the wrong shape or type, or shares memory with another."""
+    """Raises: ValueError: if an array has the wrong shape or type, cannot be written, or shares memory."""
     fields = request.plan.result_fields(n, out.regime is not None)
     for name, array, expected in zip(BatchResult._fields, out, fields, strict=True):
         found = (array.shape, array.dtype) if isinstance(array, np.ndarray) else array
         if found != expected:
             raise ValueError(f"out.{name}: must be {_described(expected)}, is {_described(found)}")
+        if array is not None and not array.flags.writeable:
+            raise ValueError(f"out.{name}: must be writable, is read-only")
     given = [(name, array) for name, array in zip(BatchResult._fields, out, strict=True) if array is not None]
     for (one, first), (other, second) in combinations(given, 2):
         if np.shares_memory(first, second):
