@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from decimal import Decimal
 from typing import Any, NamedTuple
 
 from .impact import ImpactNumbers
 from .model import Adjustment, Geometry, ImpactModel, Law, Precision
-from .numbers.operations import Scalar
+from .numbers.operations import Scalar, certain, square_root
 from .physics.body import Body, Twist
 from .physics.contact import Contact
 from .physics.laws import Regime
@@ -141,29 +141,48 @@ def make_impact(
     )
 
 
-def bounded_vectors(impact: Impact, body_a: Body, body_b: Body) -> tuple[tuple[float, ...], ...]:
-    """The three vectors whose relative errors ``error_bound`` bounds, each in its norm.
+def relative_difference(impact: Impact, other: Impact, body_a: Body, body_b: Body) -> float:
+    """Return how far an answer is from another one, in the norms of ``error_bound``; infinite if unknown.
 
-    They are the impulse, and the twist changes as :func:`norm_components` gives them.
+    It is the largest distance of the vectors whose relative errors ``error_bound`` bounds, each relative to
+    the vector of the other answer.
     """
-    changes = norm_components(body_a, impact.change_a), norm_components(body_b, impact.change_b)
-    return impact.impulse, *changes
+
+    def vectors(answer: Impact) -> Iterator[Sequence[float]]:
+        yield answer.impulse
+        yield norm_components(body_a, answer.change_a)
+        yield norm_components(body_b, answer.change_b)
+
+    ratios = []
+    try:
+        for x, y in zip(vectors(impact), vectors(other), strict=True):
+            distance, size = math.dist(x, y), math.hypot(*y)
+            ratios.append(0.0 if distance == 0 else distance / size if size else math.inf)
+    except OverflowError:  # a fraction beyond float64
+        return math.inf
+    return max(ratios) if all(ratio < math.inf for ratio in ratios) else math.inf
+
+
+def weighted_components(body: Body, change: Twist) -> list[tuple[Any, Any]]:
+    """The components of a body's twist change, each with its weight in the norm of ``error_bound``.
+
+    The norm is in proportion to the length of the vector of their products. An immovable body has none.
+    """
+    linear: Any = 1
+    if body.inverse_inertia is not None:
+        L, _, W = body.inverse_inertia.blocks()
+        traces = L.trace(), W.trace()
+        linear, angular = (1 / square_root(x) if certain(x) > 0 else 0 for x in traces)
+    elif body.has_mass():
+        angular = square_root(body.inertia.trace() / 3) / square_root(body.mass)
+    else:
+        return []
+    return [*((x, linear) for x in change.linear), *((x, angular) for x in change.angular)]
 
 
 def norm_components(body: Body, change: Twist) -> tuple[float, ...]:
-    """Components of a body's twist change, scaled so that their length is proportional to its norm.
-
-    The norm is that of ``error_bound``. For an immovable body there is a single component, 0.
-    """
-    if not body.is_movable():
-        return (0.0,)
-    if body.inverse_inertia is not None:
-        L, _, W = body.inverse_inertia.blocks()
-        linear, angular = (1 / math.sqrt(trace) if trace > 0 else 0.0 for trace in (L.trace(), W.trace()))
-    else:
-        linear = 1.0
-        angular = math.sqrt((body.inertia[0] + body.inertia[3] + body.inertia[5]) / 3 / body.mass)
-    return (*(linear * v for v in change.linear), *(angular * w for w in change.angular))
+    """The products of :func:`weighted_components`."""
+    return tuple(x * weight for x, weight in weighted_components(body, change))
 
 
 def format_impact(answer: Any, names: tuple[str, str] = ("body_a", "body_b")) -> str:

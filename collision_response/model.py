@@ -150,7 +150,7 @@ def plan_model(model: ImpactModel) -> ModelPlan:
     law, geometry, precision = model[:3]
     given = [getattr(model, name) for name in Settings._fields]
     settings = Settings(*map(float, given))
-    bound_limit = settings.tolerance or LARGEST_BOUND
+    bound_limit = settings.tolerance if model.tolerance > 0 else LARGEST_BOUND  # 1e-400 is 0 as a float
     return ModelPlan(
         law_without_friction=law_for(law, has_friction=False),
         law_with_friction=law_for(law, has_friction=True),

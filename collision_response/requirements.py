@@ -20,7 +20,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
-from .answer import Impact, bounded_vectors
+from .answer import Impact, relative_difference
 from .in_python.request_numbers import read_request
 from .model import ULP, Geometry, ImpactModel, Precision, check_number
 from .physics.body import Body
@@ -225,6 +225,4 @@ def _status(scene: tuple[Body, Body, Contact], model: ImpactModel) -> StatusCode
 
 def _difference(one: Impact, other: Impact, body_a: Body, body_b: Body) -> float:
     """A bound on the relative difference of two answers, in the norms of ``error_bound``."""
-    compared = (bounded_vectors(impact, body_a, body_b) for impact in (one, other))
-    distance = max(math.dist(v, w) / (math.hypot(*w) or 1.0) for v, w in zip(*compared, strict=True))
-    return distance + one.error_bound + other.error_bound
+    return relative_difference(one, other, body_a, body_b) + one.error_bound + other.error_bound

@@ -20,7 +20,7 @@ from functools import lru_cache
 from typing import Any, NoReturn
 
 from . import validity
-from .answer import Impact, bounded_vectors
+from .answer import Impact, relative_difference
 from .geometry import reduce_body, reduce_contact
 from .in_python import arbitrary_precision, exact_fractions, friction_along_path
 from .in_python.coefficients_at_speed import initial_friction, restitution_at_speed
@@ -239,37 +239,25 @@ def _resolve_reduced(body_a: Body, body_b: Body, contact: Contact, model: Impact
     body_a, body_b, _ = read_request(body_a, body_b, contact)
     reduced_a, reduced_b = (reduce_body(body, geometry) for body in (body_a, body_b))
     reduced = resolve(reduced_a, reduced_b, reduce_contact(contact, geometry), model)
-    compared = (bounded_vectors(impact, body_a, body_b) for impact in (reduced, full))
-    left_out = (_relative_distance(x, y, full.error_bound) for x, y in zip(*compared, strict=True))
-    bound = max(reduced.error_bound, *left_out)
-    return reduced._replace(
-        status=reduced.status if bound <= plan_model(model).bound_limit else TOLERANCE_NOT_MET,
-        twist_a=_twist_after(body_a, reduced.change_a),
-        twist_b=_twist_after(body_b, reduced.change_b),
-        kinetic_energy_before=full.kinetic_energy_before,
-        kinetic_energy_after=full.kinetic_energy_before
-        + reduced.kinetic_energy_after
-        - reduced.kinetic_energy_before,
-        error_bound=bound,
-        adjustments=reduced.adjustments | (full.adjustments & BODY_ADJUSTMENTS),
-    )
+    left_out, unknown = relative_difference(reduced, full, body_a, body_b), full.error_bound
+    # Relative to the exact answer, which may be smaller than that of `full`.
+    left_out = (left_out + unknown) / (1 - unknown) * (1 + 2.0**-40) if unknown < 1 else math.inf
+    bound = max(reduced.error_bound, left_out)
+    try:
+        return reduced._replace(
+            status=reduced.status if bound <= plan_model(model).bound_limit else TOLERANCE_NOT_MET,
+            twist_a=_twist_after(body_a, reduced.change_a),
+            twist_b=_twist_after(body_b, reduced.change_b),
+            kinetic_energy_before=full.kinetic_energy_before,
+            kinetic_energy_after=full.kinetic_energy_before
+            + reduced.kinetic_energy_after
+            - reduced.kinetic_energy_before,
+            error_bound=bound,
+            adjustments=reduced.adjustments | (full.adjustments & BODY_ADJUSTMENTS),
+        )
+    except OverflowError:  # a fraction beyond float64
+        raise library.refusal(StatusCode.OUT_OF_RANGE) from None
 
 
 def _twist_after(body: Body, change: Twist) -> Twist:
     return Twist(body.velocity + change.linear, body.angular_velocity + change.angular)
-
-
-def _relative_distance(x: tuple[float, ...], y: tuple[float, ...], y_error: float) -> float:
-    """Bound the distance between ``x`` and the vector that ``y`` approximates, relative to its length.
-
-    Args:
-        x: a vector.
-        y: the approximation.
-        y_error: the relative error of the approximation.
-    """
-    if not y_error < 1:
-        return math.inf
-    size = math.hypot(*y)
-    if size == 0.0:  # then the vector itself is 0
-        return 0.0 if math.hypot(*x) == 0.0 else math.inf
-    return (math.dist(x, y) / size + y_error) / (1 - y_error) * (1 + 2.0**-40)

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
-from ..answer import Impact, make_impact
+from ..answer import Impact, make_impact, weighted_components
 from ..geometry import geometry_for
 from ..impact import Changes, ImpactNumbers, impact
 from ..model import ImpactModel, Law, ModelPlan, Precision, integrates_in_steps, plan_model
@@ -130,34 +130,25 @@ def _error_bound(bodies: tuple[Body, Body], answer: ImpactNumbers, error: Callab
         bodies, answer: the bodies and the answer, in balls.
         error: gives the error of a number: the radius of its ball, or the error of rounding it to a float.
     """
-    return max(_relative_error(vector, error) for vector in weighted_components(bodies, answer.changes))
+    return max(_relative_error(vector, error) for vector in bounded_vectors(bodies, answer.changes))
 
 
-def weighted_components(bodies: tuple[Body, Body], changes: Changes) -> Iterator[list[tuple[Any, Any]]]:
-    """Yield the vectors that ``error_bound`` is about: the impulse, and each movable body's twist change.
-
-    Each vector is a list of pairs: a component, and the weight of its square in the norm of the vector.
-    """
+def bounded_vectors(bodies: tuple[Body, Body], changes: Changes) -> Iterator[list[tuple[Any, Any]]]:
+    """Yield the vectors that ``error_bound`` is about, with the weights of their components in its norms."""
     yield [(x, 1) for x in changes.impulse]
     for body, change in zip(bodies, (changes.change_a, changes.change_b), strict=True):
-        if body.inverse_inertia is not None:
-            L, _, W = body.inverse_inertia.blocks()
-            parts = [(change.linear, L.trace()), (change.angular, W.trace())]
-            yield [(x, 1 / part) for vector, part in parts if (part > 0) is True for x in vector]
-        elif body.has_mass() is True:
-            moment = body.inertia.trace() / 3
-            yield [*((x, body.mass) for x in change.linear), *((x, moment) for x in change.angular)]
+        yield weighted_components(body, change)
 
 
 def _relative_error(vector: Iterable[tuple[Any, Any]], error: Callable[[Ball], Any]) -> float:
-    """Bound the error of a vector of :func:`weighted_components`, relative to its length."""
+    """Bound the error of a vector of :func:`bounded_vectors`, relative to its length."""
     pairs = [(Ball(value), Ball(weight)) for value, weight in vector]
-    radius = sum((w.midpoint() * error(x) ** 2 for x, w in pairs), start=Ball(0).arb).sqrt()
+    radius = sum(((w.midpoint() * error(x)) ** 2 for x, w in pairs), start=Ball(0).arb).sqrt()
     if radius == 0:
         return 0.0
     if not radius.is_finite():
         return math.inf
-    length = sum((w.midpoint() * x.midpoint() ** 2 for x, w in pairs), start=Ball(0).arb).sqrt()
+    length = sum(((w.midpoint() * x.midpoint()) ** 2 for x, w in pairs), start=Ball(0).arb).sqrt()
     if not length > radius:
         return math.inf
     return float((radius / (length - radius)).upper()) * (1 + 2.0**-50)

@@ -20,7 +20,7 @@ from ..physics.contact import Contact
 from ..physics.laws import Law, Settings
 from ..physics.laws.routh_by_speed import FINEST, path_tolerance
 from ..status import StatusCode
-from .arbitrary_precision import weighted_components
+from .arbitrary_precision import bounded_vectors
 from .coefficients_at_speed import friction_at_speed, initial_slip_speed
 from .request_numbers import as_fraction, body_as_fractions, contact_as_fractions
 
@@ -84,9 +84,9 @@ def _answer_and_bound(
     if answer.estimated_error is None:
         return answer, math.inf
     worst = 0.0
-    changes, errors = (weighted_components(bodies, x) for x in (answer.changes, answer.estimated_error))
+    changes, errors = (bounded_vectors(bodies, x) for x in (answer.changes, answer.estimated_error))
     for pair in zip(changes, errors, strict=True):
-        size, error = (sum(weight * x * x for x, weight in components) for components in pair)
+        size, error = (sum((weight * x) ** 2 for x, weight in components) for components in pair)
         if error > 0 and error * 16 >= size:
             return answer, math.inf
         worst = max(worst, math.sqrt(error / size) if size else 0.0)
