@@ -166,7 +166,7 @@ def impact(
         settings: the numbers of the model.
     """
     kinematics = ContactKinematics.of(body_a, body_b, contact)
-    n = kinematics.n
+    n, n_u = kinematics.n, kinematics.n_u
     length = square_root(n.dot(n))
     friction = contact.friction * 0 if law is Law.FRICTIONLESS else contact.friction
     result = evaluate_law(kinematics, Coefficients(contact.restitution, friction, settings), law)
@@ -185,7 +185,7 @@ def impact(
         twist_b=Twist(after_b.velocity, after_b.angular_velocity),
         normal_impulse=maximum(certain(normal_impulse), 0 * length),  # below 0 only by rounding
         tangential_impulse=square_root(tangential.dot(tangential)),
-        normal_velocity_before=kinematics.n_u / length,
+        normal_velocity_before=n_u / length,
         normal_velocity_after=n.dot(u_after) / length,
         effective_mass=n.dot(n) / kinematics.n_Kn,
         kinetic_energy_before=kinetic_energy(body_a) + kinetic_energy(body_b),
@@ -202,15 +202,16 @@ def impact(
         separating=negation(approaching),
         below_threshold=below_threshold & (contact.restitution > 0),
         fell_back=approaching & outcome.fell_back,
-        massless_spin=_is_nonzero(kinematics.body_a.massless_spin)
-        | _is_nonzero(kinematics.body_b.massless_spin),
+        massless_spin=kinematics.body_a.has_massless_spin() | kinematics.body_b.has_massless_spin(),
         unfinished=approaching & outcome.unfinished,
         out_of_range=is_out_of_range(n.dot(n), kinematics.n_Kn)
         | result.and_approaching(
-            outcome.out_of_range | is_out_of_range(-kinematics.n_u, -kinematics.n_u / kinematics.n_Kn)
+            outcome.out_of_range
+            | is_out_of_range(-n_u, -n_u / kinematics.n_Kn)
+            | (settings.restitution_threshold > 0) & is_out_of_range(n_u * n_u)
         ),
         unphysical=not callable(friction)
-        and _is_unphysical(law, kinematics, u_after, impulse, friction, e * kinematics.n_u, approaching),
+        and _is_unphysical(law, kinematics, u_after, impulse, friction, e * n_u, approaching),
     )
     error = outcome.estimated_error
     estimated_error = error and Changes(error, *kinematics.twist_changes(error))
@@ -253,10 +254,6 @@ def with_change(body: Body, change: Twist) -> Body:
     return body._replace(
         velocity=body.velocity + change.linear, angular_velocity=body.angular_velocity + change.angular
     )
-
-
-def _is_nonzero(v: Vec3) -> Condition:
-    return v.dot(v) > 0
 
 
 def _is_unphysical(

@@ -215,6 +215,23 @@ def test_two_particles_have_no_inertia_about_their_line_in_any_axes(law, precisi
         assert impact.change_a.angular == pytest.approx(expected.change_a.angular, **allowed)
 
 
+@pytest.mark.parametrize("precision", [Precision.DOUBLE, Precision.EXTENDED])
+def test_a_rod_that_turns_across_its_axis_has_no_massless_spin(precision):
+    """The spins are exactly perpendicular to the rods. Turning them into body axes adds rounding."""
+    contact, model = CONTACT._replace(restitution=0.5), ImpactModel(precision=precision)
+    for x, y, z, w in product((0.0, 1.0, 2.0), (0.0, 2.0), (1.0, 3.0), (1.0, 2.0)):
+        axis = Vec3(w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y))
+        across = Vec3(1.0, 2.0, 3.0).cross(axis)
+        rod = Body.rod(
+            1.0, 1.0, orientation=(x, y, z, w), velocity=(0.0, 0.0, -99.0), angular_velocity=across
+        )
+        turning, rolling = rod, rod._replace(angular_velocity=across + axis)
+        for body, expected in ((turning, Adjustment.NONE), (rolling, Adjustment.MASSLESS_SPIN)):
+            answers = resolve(body, FLOOR, contact, model), resolve_scene([body, FLOOR], [(0, 1)], [contact])
+            for answer in answers:
+                assert answer.adjustments & Adjustment.MASSLESS_SPIN == expected
+
+
 def test_a_point_mass_does_not_spin():
     point = Body.dynamic(1.0, position=(0.3, 0.0, 0.0), velocity=(0.0, 0.0, -1.0), angular_velocity=(0, 9, 0))
     impact = resolve(point, FLOOR, CONTACT)
@@ -458,6 +475,32 @@ def test_planar_refuses_a_normal_out_of_its_plane_where_point_suffices():
     body = PARTICLE._replace(velocity=DOWN_AND_ACROSS)
     with refused(StatusCode.INVALID_NORMAL, "contact.normal", "must not be along z"):
         resolve(body, Body.static(), Contact.of((0, 0, 0), (0, 0, 1)), ImpactModel(geometry=Geometry.PLANAR))
+
+
+@pytest.mark.parametrize(("mass", "moment"), [(1e-200, 1e150), (1e-160, 1e160)])
+def test_the_bound_of_a_forced_geometry_is_known_whatever_the_radius_of_gyration(mass, moment):
+    """A body is struck at its radius of gyration by a point of the same mass: 1/m + 1/m + 1/m = n.Kn.
+
+    Without rotation the impulse is 3/2 as large. Relative to the change of twist, dv is wrong by 1/2 and
+    dw by all of it, and both have the same size.
+    """
+    arm = math.sqrt(moment) / math.sqrt(mass)
+    wheel = Body.dynamic(mass, (moment, 0, 0, moment, 0, moment), velocity=(0.0, 0.0, -1.0))
+    point = Body.dynamic(mass, position=(arm, 0.0, 0.0))
+    contact = Contact.of((arm, 0.0, 0.0), normal=(0.0, 0.0, 1.0), restitution=0.5)
+    impact = resolve(wheel, point, contact, ImpactModel(geometry=Geometry.POINT))
+    assert impact.impulse.z == pytest.approx(1.5 * resolve(wheel, point, contact).impulse.z, rel=1e-12)
+    assert impact.error_bound == pytest.approx(math.sqrt((0.5**2 + 1) / 2), rel=1e-9)
+
+
+@pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (F(0), F(1, 3), F(1))])
+def test_fractions_beyond_float64_in_a_forced_geometry_are_out_of_range(normal):
+    big = F(10) ** 308
+    contact = Contact.of((0.5, 0.0, 0.0), normal, restitution=1.0)
+    fast = body(mass=F(1), velocity=(big, 0, -big), angular_velocity=(big, big, big))
+    assert resolve(fast, FLOOR, contact).error_bound == 0.0
+    with refused(StatusCode.OUT_OF_RANGE, "result"):
+        resolve(fast, FLOOR, contact, ImpactModel(geometry=Geometry.POINT))
 
 
 def test_a_forced_geometry_that_misses_the_tolerance_says_so():

@@ -178,10 +178,12 @@ def called(formula: Callable[..., T], *arguments: Any) -> T:
 
 
 def given_roundoff(x: Scalar) -> Scalar:
-    """Return the unit roundoff of the input numbers: 2^-53 for float64, 2^-24 for float32."""
+    """Return the unit roundoff of the input numbers: 2^-24 for float32, else 2^-53, that of float64."""
     own = getattr(x, "given_roundoff", None)
     if own is not None:
         return own()
+    if isinstance(x, Fraction):
+        return Fraction(1, 2**53)
     return 2.0**-24 if str(getattr(x, "dtype", "")).endswith("float32") else 2.0**-53
 
 

@@ -41,8 +41,18 @@ from __future__ import annotations
 from functools import reduce
 from typing import NamedTuple
 
-from ..numbers.operations import Condition, Scalar, all_zero, certain, choose, maximum, negation, square_root
-from .body import Body, Twist
+from ..numbers.operations import (
+    Condition,
+    Scalar,
+    all_zero,
+    certain,
+    choose,
+    given_roundoff,
+    maximum,
+    negation,
+    square_root,
+)
+from .body import ROUNDINGS, Body, Twist
 from .contact import Contact
 from .inverse_inertia import SYMMETRY_TOLERANCE, InverseInertia
 from .orientation import Rotation
@@ -109,6 +119,12 @@ class BodyAtContact(NamedTuple):
             has_full_inertia=has_full_inertia,
             link_inverse_inertia=body.inverse_inertia or (),
         )
+
+    def has_massless_spin(self) -> Condition:
+        """Whether ``massless_spin`` is more than rounding makes of other spin."""
+        massless, effective = self.massless_spin, self.effective_spin
+        rounding = 2 * ROUNDINGS * given_roundoff(massless.x)
+        return massless.dot(massless) > rounding * rounding * effective.dot(effective)
 
     def velocity_from_spin(self) -> Vec3:
         """Velocity of the material at the contact point relative to the reference point [m/s]."""

@@ -149,7 +149,7 @@ def column_header() -> str:
     body = kernel_inputs(Layout.EVERYTHING, tape).body_a
     names = [f"body_a.{name}" for name in names_of_body(Layout.EVERYTHING)]
     centre = BodyAtContact.of(body, body.position)
-    has_massless_spin = tape.symbol(centre.massless_spin.dot(centre.massless_spin) > 0)
+    has_massless_spin = tape.symbol(centre.has_massless_spin())
     numbers = tape.symbols(centre)
     turns = map(centre.rotation.to_world, centre.inverse_tensor.square_root_columns())
     roots = tape.symbols((square_root(centre.inverse_mass), *turns))
