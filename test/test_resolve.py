@@ -503,6 +503,14 @@ def test_fractions_beyond_float64_in_a_forced_geometry_are_out_of_range(normal):
         resolve(fast, FLOOR, contact, ImpactModel(geometry=Geometry.POINT))
 
 
+def test_a_tolerance_below_float64_is_a_tolerance():
+    model, falling = ImpactModel(tolerance=F(1, 10**400)), {"velocity": (0.3, 0.1, -1.0)}
+    rounded = strike(model=model, position=(0.1, 0.2, 0.3), **falling)
+    assert rounded.error_bound > 0 and rounded.status is StatusCode.TOLERANCE_NOT_MET
+    exact = strike(model=model, position=(F(1, 10), F(1, 5), F(3, 10)), **falling)
+    assert exact.error_bound == 0 and exact.status is StatusCode.OK
+
+
 def test_a_forced_geometry_that_misses_the_tolerance_says_so():
     ball = body(position=(0.1, 0.0, 1.0), velocity=(0.0, 0.0, -1.0))
     rough = resolve(ball, FLOOR, CONTACT, ImpactModel(geometry=Geometry.POINT, tolerance=1e-3))
