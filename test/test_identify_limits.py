@@ -146,6 +146,19 @@ def test_clean_coefficients_near_a_limit_are_found_with_their_intervals(e, mu, l
     assert len([note for note in found.notes if "limit" in note]) == len(limits) == len(found.notes)
 
 
+@pytest.mark.parametrize(("seed", "mu"), [(1204, 2.0), (1552, 0.5), (2128, 0.2)])
+def test_the_law_that_falls_back_is_found_where_no_energy_is_lost(seed, mu):
+    """Where MOREAU falls back, its answer jumps. At e = 1 it does so most often, and jumps stop a search."""
+    rows = []
+    for i in range(12):
+        *bodies, contact = random_collision(seed + i, friction=mu, off_centre=True)
+        contact = contact._replace(restitution=1.0)
+        answer = resolve(*bodies, contact, ImpactModel(Law.MOREAU))
+        rows.append((*bodies, contact, answer.twist_a, answer.twist_b))
+    found = identify(Impacts.of(*zip(*rows, strict=True)), Law.MOREAU, resamples=2)
+    assert (found.values["restitution"], found.values["friction"]) == pytest.approx((1.0, mu), abs=1e-8)
+
+
 @pytest.mark.parametrize("told", [mapped(lambda x: float(f"{x:.6g}")), *map(noise_of, (1e-7, 1e-6, 1e-4))])
 @pytest.mark.parametrize(("e", "mu"), PLACES)
 def test_noisy_coefficients_near_a_limit_are_as_accurate_as_others(e, mu, told):

@@ -24,7 +24,7 @@ class Range(NamedTuple):
 
 
 RANGES = {
-    "restitution": Range(0.0, 1.0, (0.1, 0.3, 0.5, 0.7, 0.9)),
+    "restitution": Range(0.0, 1.0, (0.1, 0.3, 0.5, 0.7, 0.9, 1.0)),  # at 1 MOREAU falls back most often
     "friction": Range(0.0, math.inf, (0.03, 0.1, 0.3, 1.0)),
     "tangential_restitution": Range(-1.0, 1.0, (-0.5, 0.0, 0.5)),
     "stiffness_ratio": Range(0.05, 20.0, (0.5, 1.0, 3.0)),
