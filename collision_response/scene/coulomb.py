@@ -15,9 +15,11 @@ impulse, friction stays in its cones.
 The work is that on relative velocities, not the change of kinetic energy: next to a moving floor, the latter
 depends on the observer.
 
-All contacts that can carry a load share it, if that changes its effect by less than 1e-4. So a box whose
-corners are slightly off a plane slides like one whose corners are in it. The error bound includes the
-normal velocities that this sharing gives to contacts that depend on each other.
+All contacts that can carry a load share it, if that hardly changes its effect. So a box whose corners are
+slightly off a plane slides like one whose corners are in it. Where normals or lever arms differ by more than
+about 1e-4, a contact that the load does not need takes less and less part in it. Nor are normal velocities
+kept where such small differences decide them. Both change gradually, so that no choice of contacts has to be
+made, which would depend on their order.
 
 For one contact this is Chatterjee & Ruina's law in each of three cases: in the plane; where the contact
 sticks; and where normal and slip are uncoupled. In space, sliding, they differ by up to 23 % of the impulse.

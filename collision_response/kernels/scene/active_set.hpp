@@ -18,8 +18,6 @@ template <class R> constexpr double UNMOVED = 1e-14;
 template <> inline constexpr double DEPENDENT<DD> = 1e-29;
 template <> inline constexpr double UNMOVED<DD> = 1e-30;
 
-constexpr double NEARLY_DEPENDENT = 1e-8;  // the pivot of contacts whose normals or lever arms differ by 1e-4
-
 template <class R>
 class ActiveSet {
  public:

@@ -3,10 +3,15 @@
 //
 //     |y|^2 / 2 + w.P -> min         y = B^T P: their effect on the bodies, in the metric of kinetic energy
 //
-// if asked, with given normal velocities N y = c. The dual has no constraints, and a single velocity eta for all
-// bodies, however many contacts there are. P and (eta, lambda) solve the programme and its dual where
+// if asked, with given normal velocities N y = c. Multipliers lambda keep these, by rounds of the proximal method: each
+// adds  sigma |N y - c - lambda_0 / sigma|^2 / 2  to the work, for the lambda_0 of the round before. ROUNDS of them give
+// N y = c to all digits, except where contacts depend on each other so nearly that 1e-3 of their normals or lever arms
+// decides: there, nothing is kept. So it does not matter which of these contacts would be kept exactly.
 //
-//     P_i = proj_K_i(P_i - rho_i (w + B eta)_i)       eta + N^T lambda = B^T P        N (eta + N^T lambda) = c
+// The dual has no constraints, and a single velocity eta for all bodies, however many contacts there are. P and (eta,
+// lambda) solve the programme of a round and its dual where
+//
+//     P_i = proj_K_i(P_i - rho_i (w + B eta)_i)   eta + N^T lambda = B^T P   lambda = lambda_0 - sigma (N B^T P - c)
 //
 // This is solved by steps of the augmented Lagrangian method. With Q for the P on the right, each step minimises over
 // eta and lambda
@@ -15,8 +20,7 @@
 //
 // by Newton's method, as its gradient is piecewise smooth. A step from Q = 0 gives nearly the P of least sum of squares
 // among all with the same effect. Further steps, from the greatest rho down, reduce the error. Each ends with a Newton
-// step that changes P instead of computing it anew, because rho times a rounding is not small. sigma is greater than
-// rho: with little load and much friction lambda is long, and c is missed by |lambda| / sigma.
+// step that changes P instead of computing it anew, because rho times a rounding is not small.
 //
 // Rockafellar, "Augmented Lagrangians and Applications of the Proximal Point Algorithm in Convex Programming",
 // Math. Oper. Res. 1 (1976); Li, Sun & Toh, "A Highly Efficient Semismooth Newton Augmented Lagrangian Method",
@@ -34,7 +38,9 @@ class Cones {
   using Axes = std::array<R, 3>;
   using Vector = std::vector<R>;
   static constexpr double GREATEST_RHO = 1e6, LEAST_RHO = 1e2;
-  static constexpr double SIGMA = 1e10, GREATEST_SIGMA = 1e14;
+  static constexpr double SIGMA = 1e6, GIVE = 1e-14;  // of contacts that fully take part
+  static constexpr int ROUNDS = 6;  // at most
+  static constexpr double KEPT = 1e-12;  // relative error of N y: no further rounds are needed
   static constexpr double SMALL_ERROR = 5e-8;  // of y: no further steps are needed
   // solve_by_raising_slip: the first slip, and its increase.
   static constexpr double SLOW_SLIP = 1e6, FIRST_FACTOR = 100;
@@ -46,12 +52,15 @@ class Cones {
     R row[2][3][6];
     Axes w;
     double mu, share;  // share: rho_i / rho
+    // How much part in the loads it takes, from 0 to 1. The less, the less its velocity is kept, and the more work its
+    // impulses cost: give |P_i|^2 / 2.
+    double part;
+    double load;  // the impulse without friction, relative to the greatest
+
+    double give() const { return part < 1 ? GIVE / (part * part * part * part) : 0; }
   };
   std::vector<Cone> cones;
-  Vector kept_velocities;  // c, for the first cones, whose normal impulses are independent; or empty
-  Vector loads;  // normal impulses > 0 that give these velocities, to within `slack`
-  ::Vector slack;
-  ActiveSet<double> normals{nullptr, 0};  // solves for normal impulses from changes of kept_velocities
+  Vector kept_velocities;  // c, for each cone; or empty
   std::vector<Axes> P, z;  // z: w + B eta
 
   explicit Cones(int body_count) : body_count(body_count) {}
@@ -63,40 +72,26 @@ class Cones {
     z.resize(n);
     variables = 6 * body_count + static_cast<int>(kept_velocities.size());
     x.resize(variables);
-    if constexpr (!is_scalar<R>)
-      for (const Cone& cone : cones)
-        for (const R& w : cone.w) fastest = std::fmax(fastest, std::fabs(high(w)));
+    multipliers.resize(kept_velocities.size());
+    for (const Cone& cone : cones)
+      for (const R& w : cone.w) fastest = std::fmax(fastest, std::fabs(high(w)));
     order_variables();
     allocate_matrix();
   }
 
-  // Correct the loads, which are known in doubles, so that they give kept_velocities to the digits of R. Sets `slack`.
-  void refine_loads() {
-    for (int turn = 0; turn < 3; ++turn) {
-      Vector y(6 * static_cast<size_t>(body_count));
-      for (size_t i = 0; i < loads.size(); ++i) add_row(cones[i], Axes{loads[i], R{}, R{}}, y);
-      slack.clear();
-      ::Vector by;
-      for (size_t i = 0; i < kept_velocities.size(); ++i) {
-        by.push_back(high(kept_velocities[i] - velocity(cones[i], y.data())[0]));
-        slack.push_back(std::fabs(by[i]));
-      }
-      if (turn == 2) break;
-      normals.solve(by.data());
-      for (size_t i = 0; i < kept_velocities.size(); ++i) loads[i] += constant<R>(by[i]);
-    }
-  }
-
   // Find P: of all solutions nearly the one with the least sum of squares. Returns a bound on the error of y.
   double solve() {
-    if (fastest > SLOW_SLIP) solve_by_raising_slip();
+    if (!is_scalar<R> && fastest > SLOW_SLIP) solve_by_raising_slip();
     else solve_from_zero();
-    if constexpr (!is_scalar<R>) take_adaptive_steps();
-    if (refine() > 30 * SMALL_ERROR && !kept_velocities.empty()) {
-      sigma = GREATEST_SIGMA;
-      refine();
+    Bounds bounds = finish_round();
+    double error = bounds.of_round;
+    for (int round = 1; round < ROUNDS && !bounds.are_kept; ++round) {
+      multipliers.assign(x.begin() + 6 * body_count, x.end());
+      lagrangian_step(GREATEST_RHO, P, false, 60);
+      bounds = finish_round();
+      error += std::sqrt(2) * bounds.of_round;  // lambda_0 has the error of the round before
     }
-    return motion_error(ROUNDING);
+    return std::fmin(error, bounds.of_kept);
   }
 
   // The first step of solve().
@@ -139,7 +134,7 @@ class Cones {
   // a load do nearly the same work.
   void take_adaptive_steps() {
     State best = state();
-    double least = motion_error(0), size = GREATEST_RHO;
+    double least = motion_error(), size = GREATEST_RHO;
     for (int turn = 0; turn < MAX_STEPS && least > SMALL_ERROR && work < BUDGET; ++turn) {
       const State before = state();
       if (!lagrangian_step(size, P, false, 30)) {
@@ -149,7 +144,7 @@ class Cones {
       }
       size *= 3;
       polish();
-      if (const double now = motion_error(0); now < least) {
+      if (const double now = motion_error(); now < least) {
         least = now;
         best = state();
       }
@@ -158,20 +153,18 @@ class Cones {
   }
 
   // Further steps from the current P, until they reduce the error no more. They do not keep the sum of squares least.
-  // Returns the error without rounding.
-  double refine() {
-    double least = motion_error(0);
+  void refine() {
+    double least = motion_error();
     for (double size = 100 * GREATEST_RHO; size >= LEAST_RHO; size /= 100)
       for (bool gains = true; gains && least > SMALL_ERROR;) {
         const State before = state();
         lagrangian_step(size, P, false, 60);
         polish();
-        double now = motion_error(0);
+        double now = motion_error();
         gains = now < least / 3;
         if (now < least) least = now;
         else restore(before);
       }
-    return least;
   }
 
   // One augmented Lagrangian step with rho = size, from impulses Q. `from_start` begins as if all contacts held.
@@ -179,7 +172,6 @@ class Cones {
   bool lagrangian_step(double size, std::vector<Axes> Q, bool from_start, int budget) {
     rho = size;
     from = std::move(Q);
-    lambda_before.assign(x.begin() + 6 * body_count, x.end());
     Vector gradient(variables), trial, step(variables);
     if (from_start) {
       evaluate(x, gradient, true);
@@ -220,7 +212,7 @@ class Cones {
       Axes by = velocity(cones[i], step.data());
       for (int a = 0; a < 3; ++a) z[i][a] += by[a];
       for (int a = 0; a < 3; ++a)
-        for (int k = 0; k < 3; ++k) P[i][a] -= rho * cones[i].share * slopes[i][a][k] * by[k];
+        for (int k = 0; k < 3; ++k) P[i][a] -= own_step(cones[i]) * slopes[i][a][k] * by[k];
       Slope unused;
       project_on_cone(cones[i].mu, P[i], unused);
     }
@@ -233,50 +225,64 @@ class Cones {
     return y;
   }
 
-  // A bound on the distance of y from y* of the minimum, for the current P. Let v be the velocities of the cones,
-  // `outside` their distance from velocities against which no impulse in the cone gains work, and Q any impulses that
-  // keep c, with y_Q = y + e:
+  // Bounds on the distance of y from y* of the minimum, for the current P. Let v be the velocities of the cones,
+  // `outside` their distance from velocities against which no impulse in the cone gains work, and r the error of
+  // N y - c + (lambda - lambda_0) / sigma = 0. For the minimum of a round, and for that with N y* = c,
   //
-  //     |y_Q - y*|^2 = (Q - P*).(v - v*) + (y_Q - y*).e <= Q.v + P*.outside + |y_Q - y*| |e|
+  //     |y - y*|^2 + sigma |N (y - y*)|^2 / 2 <= (P - P*).(v - v*) + sigma |r|^2 / 2
+  //     |y - y*|^2 = (P - P*).(v - v*) + (lambda - lambda*).(N y - c)
+  //     (P - P*).(v - v*) <= P.v + P*.outside
   //
-  // Q is (1 - part) P + part `loads` + `by` along normals, with the least part that leaves it in the cones. P* is
-  // assumed to be no greater than the greatest impulse found.
-  double motion_error(double rounding) const {
+  // P* and lambda* are assumed to be no greater than the greatest P and lambda found; or lambda*, than mu times the slip
+  // before, unless the load is too great for the contact to slide on.
+  struct Bounds {
+    double of_round, of_kept;
+    bool are_kept;  // whether the velocities are, to all digits
+  };
+  Bounds motion_bounds(double rounding) const {
     const Vector y = motion();
-    Vector dual = y, by(kept_velocities.size()), e(y.size());
+    Vector dual = y;
     const R* lambda = x.data() + 6 * body_count;
-    double part = 0, greatest = 1, sum = 0;
+    double greatest = 1, gap = 0, of_round = 0, of_kept = 0, longest = 0;
+    bool are_kept = true;
     for (size_t i = 0; i < kept_velocities.size(); ++i) {
-      add_row(cones[i], Axes{-lambda[i], R{}, R{}}, dual);
-      R own = kept_velocities[i] - velocity(cones[i], y.data())[0];
-      by[i] = own + std::copysign(rounding * (std::fabs(high(kept_velocities[i])) + size_near(cones[i], y)) + slack[i],
-                                  high(own));
+      const Cone& cone = cones[i];
+      add_row(cone, Axes{-lambda[i], R{}, R{}}, dual);
+      const R off = velocity(cone, y.data())[0] - kept_velocities[i];
+      const double size = std::fabs(high(kept_velocities[i])), lost = rounding * (size + size_near(cone, y));
+      const double r = std::fabs(high(off + (lambda[i] - multipliers[i]) / stiffness(cone))) + lost;
+      of_round += stiffness(cone) * r * r / 2;
+      of_kept += std::fabs(high(off)) + lost;
+      const double slip = std::hypot(high(cone.w[1]), high(cone.w[2]));
+      longest = std::fmax(longest, std::fmax(std::fabs(high(lambda[i])), slip * std::fmin(cone.mu, slip / cone.load)));
+      are_kept = are_kept && (cone.part < 1 || std::fabs(high(off)) <= KEPT * size + lost);
     }
-    along_normals(by, part);
-    by.resize(loads.size());
-    for (size_t i = 0; i < by.size(); ++i) add_row(cones[i], Axes{by[i] + part * loads[i], R{}, R{}}, e);
-    increase(e, -part, y);
     for (const Axes& one : P) greatest = std::fmax(greatest, std::hypot(high(one[0]), high(one[1]), high(one[2])));
     for (size_t i = 0; i < cones.size(); ++i) {
       const Cone& cone = cones[i];
       Axes v = velocity(cone, dual.data());
-      for (int k = 0; k < 3; ++k) v[k] += cone.w[k];
+      for (int k = 0; k < 3; ++k) v[k] += cone.w[k] + cone.give() * P[i][k];
       const R slip = cone.mu > 0 ? length_of(v[1], v[2]) : R{};
       const double outside = std::fmax(high(cone.mu * slip - v[0]), 0);
-      sum += std::fabs(high(v[0] * P[i][0] + v[1] * P[i][1] + v[2] * P[i][2]));
-      sum += greatest * std::fmin(outside, high(slip) + std::fmax(-high(v[0]), 0));
-      if (!kept_velocities.empty()) sum += std::fabs(high(v[0])) * (part * high(loads[i]) + std::fabs(high(by[i])));
+      gap += std::fabs(high(v[0] * P[i][0] + v[1] * P[i][1] + v[2] * P[i][2]));
+      gap += greatest * std::fmin(outside, high(slip) + std::fmax(-high(v[0]), 0));
     }
-    const double far = std::sqrt(high(dot(e, e)));
-    return far + (far + std::sqrt(far * far + 4 * sum)) / 2;
+    return {std::sqrt(gap + of_round), std::sqrt(gap + 2 * longest * of_kept), are_kept};
+  }
+  double motion_error() const { return motion_bounds(0).of_round; }
+  Bounds finish_round() {
+    if constexpr (!is_scalar<R>) take_adaptive_steps();
+    refine();
+    return motion_bounds(ROUNDING);
   }
 
  private:
   int body_count, variables = 0;
-  double rho = 1, sigma = SIGMA;
+  double rho = 1;
   double work = 0;  // multiplications in newton() so far
-  double fastest = 1;  // the greatest component of w in double-double; not used in doubles
+  double fastest = 1;  // the greatest component of w
   Vector x;  // eta, lambda
+  Vector multipliers;  // lambda_0
   struct State {
     std::vector<Axes> P, z;
     Vector x;
@@ -287,25 +293,17 @@ class Cones {
     z = before.z;
     x = before.x;
   }
-  Vector lambda_before;
   std::vector<Axes> from;
   static constexpr double ROUNDING = Traits<R>::roundoff * 8;
   using Slope = std::array<Axes, 3>;
   std::vector<Slope> slopes;
 
-  // Replace changes of normal velocities by the normal impulses that make them, and find the part of the loads that
-  // keeps these in the cones.
-  void along_normals(Vector& by, double& part) const {
-    ::Vector solved(by.size());
-    std::transform(by.begin(), by.end(), solved.begin(), [](const R& one) { return high(one); });
-    normals.solve(solved.data());
-    for (size_t i = 0; i < by.size(); ++i) part = std::fmax(part, std::fabs(solved[i]) / high(loads[i]));
-    if (!(part < 1)) {
-      part = 1;
-      std::fill(solved.begin(), solved.end(), 0.0);
-    }
-    for (size_t i = 0; i < by.size(); ++i) by[i] = constant<R>(solved[i]);
+  // sigma of a contact. One of great friction that slides because its load is light presses the harder to move apart.
+  double stiffness(const Cone& cone) const {
+    const double light = std::fmax(std::fmin(cone.mu, 1 / cone.load) / 10, 1);
+    return cone.part * cone.part * cone.part * SIGMA * fastest * (light * light);
   }
+  double own_step(const Cone& cone) const { return rho * cone.share / (1 + rho * cone.share * cone.give()); }
   static double size_near(const Cone& cone, const Vector& y) {
     double square = 0;
     for (int body : cone.body)
@@ -371,17 +369,17 @@ class Cones {
     R value{};
     for (const R& v : y) value += v * v / 2;
     for (size_t i = 0; i < kept_velocities.size(); ++i) {
-      const R by = lambda[i] - lambda_before[i];
-      gradient[6 * body_count + i] = velocity(cones[i], y.data())[0] - kept_velocities[i] + by / sigma;
-      value += by * by / (2 * sigma) - kept_velocities[i] * lambda[i];
+      const R by = lambda[i] - multipliers[i];
+      gradient[6 * body_count + i] = velocity(cones[i], y.data())[0] - kept_velocities[i] + by / stiffness(cones[i]);
+      value += by * by / (2 * stiffness(cones[i])) - kept_velocities[i] * lambda[i];
     }
     for (size_t i = 0; i < cones.size(); ++i) {
       const Cone& cone = cones[i];
-      double own = rho * cone.share;
+      const double own = rho * cone.share, less = 1 / (1 + own * cone.give());
       z[i] = velocity(cone, at.data());
       for (int k = 0; k < 3; ++k) {
         z[i][k] += cone.w[k];
-        P[i][k] = from[i][k] - own * z[i][k];
+        P[i][k] = less * (from[i][k] - own * z[i][k]);
       }
       if (holding) {
         slopes[i] = {};
@@ -390,7 +388,7 @@ class Cones {
       } else {
         project_on_cone(cone.mu, P[i], slopes[i]);
       }
-      value += (P[i][0] * P[i][0] + P[i][1] * P[i][1] + P[i][2] * P[i][2]) / (2 * own);
+      value += (P[i][0] * P[i][0] + P[i][1] * P[i][1] + P[i][2] * P[i][2]) / (2 * own * less);
       add_row(cone, Axes{-P[i][0], -P[i][1], -P[i][2]}, y);
     }
     std::copy(y.begin(), y.end(), gradient.begin());
@@ -492,10 +490,11 @@ class Cones {
   void newton(const Vector& gradient, Vector& step) {
     M = fixed;
     for (size_t i = 0; i < kept_velocities.size(); ++i)
-      at(M, 6 * body_count + static_cast<int>(i), 6 * body_count + static_cast<int>(i)) += constant<R>(1 / sigma);
+      at(M, 6 * body_count + static_cast<int>(i), 6 * body_count + static_cast<int>(i)) +=
+          constant<R>(1 / stiffness(cones[i]));
     for (size_t i = 0; i < cones.size(); ++i) {
       const Cone& cone = cones[i];
-      const double own = rho * cone.share;
+      const double own = own_step(cone);
       R part[2][3][6];
       if (high(slopes[i][0][0]) == 0) continue;  // no impulse at this contact
       for (int side = 0; side < 2; ++side)

@@ -3,6 +3,32 @@
 #pragma once
 #include "assembly.hpp"
 
+// The effects of impulses: the products of those of all pairs of contacts, scaled to a diagonal of 1, in the digits of R.
+// To the velocities, moving walls add their work, which impulses of the same effect must not change either.
+template <class R>
+struct Effects {
+  Vector u, scale;
+  double fastest = 0;
+  std::vector<R> matrix;
+
+  explicit Effects(const Assembly& assembly) : u(assembly.count), scale(assembly.count) {
+    const int count = assembly.count;
+    const std::vector<AssembledContact>& contacts = assembly.contacts;
+    if constexpr (is_scalar<R>) matrix = assembly.A;
+    else matrix = assembly.couplings<R>();
+    for (const AssembledContact& contact : contacts)
+      fastest = std::fmax(fastest, std::fabs(high(contact.velocity)) * contact.scale);
+    for (int i = 0; i < count; ++i) {
+      u[i] = assembly.has_moving_wall && fastest > 0 ? high(contacts[i].velocity) * contacts[i].scale / fastest : 0;
+      scale[i] = contacts[i].scale / std::sqrt(1 + u[i] * u[i]);
+    }
+    for (int i = 0; assembly.has_moving_wall && i < count; ++i)
+      for (int j = 0; j < count; ++j)
+        matrix[i * count + j] = (scale[i] / contacts[i].scale * (scale[j] / contacts[j].scale)) *
+                                (matrix[i * count + j] + constant<R>(u[i]) * constant<R>(u[j]));
+  }
+};
+
 // Impulses that do next to nothing: a basis, with one for each contact that depends on others.
 struct NullImpulses {
   std::vector<Vector> basis;
@@ -19,24 +45,10 @@ NullImpulses null_impulses_in(const Assembly& assembly, double dependent, double
   constexpr int REFINEMENTS = 3;
   const int count = assembly.count;
   const std::vector<AssembledContact>& contacts = assembly.contacts;
-  std::vector<R> matrix;
-  if constexpr (is_scalar<R>) matrix = assembly.A;
-  else matrix = assembly.couplings<R>();
-  // Moving walls add a row for their work, which impulses of the same effect must not change either.
-  Vector u(count), scale(count);
-  double fastest = 0;
-  for (const AssembledContact& contact : contacts)
-    fastest = std::fmax(fastest, std::fabs(high(contact.velocity)) * contact.scale);
-  for (int i = 0; i < count; ++i) {
-    u[i] = assembly.has_moving_wall && fastest > 0 ? high(contacts[i].velocity) * contacts[i].scale / fastest : 0;
-    scale[i] = contacts[i].scale / std::sqrt(1 + u[i] * u[i]);
-  }
-  if (assembly.has_moving_wall)
-    for (int i = 0; i < count; ++i)
-      for (int j = 0; j < count; ++j)
-        matrix[i * count + j] = (scale[i] / contacts[i].scale * (scale[j] / contacts[j].scale)) *
-                                (matrix[i * count + j] + constant<R>(u[i]) * constant<R>(u[j]));
-  ActiveSet<R> basis(matrix.data(), count);
+  const Effects<R> effects(assembly);
+  const Vector &u = effects.u, &scale = effects.scale;
+  const double fastest = effects.fastest;
+  ActiveSet<R> basis(effects.matrix.data(), count);
   NullImpulses found;
   std::vector<R> w;
   for (int i : basis.span(assembly.all_contacts(), dependent)) {
@@ -162,18 +174,27 @@ inline void least_norm(const Assembly& assembly, Vector& p, bool over_copies) {
   if (!found.basis.empty()) minimise_norm(assembly, p, over_copies, std::move(found.basis));
 }
 
-// Replace p as least_norm() does, and set `nearly` to the impulses of nearly the same effect with the least norm.
-// Returns the difference in their effects, at most, for a load of 1 on each contact, in the metric of kinetic energy.
-inline double share_loads(const Assembly& assembly, Vector& p, Vector& nearly) {
-  NullImpulses found = null_impulses_in<double>(assembly, NEARLY_DEPENDENT, 1);
-  if (found.effect > 0x1p-50 * assembly.count) {
-    least_norm(assembly, p, false);
-    nearly = p;
-    // A load at the edge of a patch stays at the edge: contacts inside of it may not seem to pull because of the effect.
-    minimise_norm(assembly, nearly, false, std::move(found.basis), found.effect);
-  } else {  // contacts depend on others or are independent, and none is between
-    if (!found.basis.empty()) minimise_norm(assembly, p, false, std::move(found.basis));
-    nearly = p;
+// The impulses >= 0 of nearly the same effect as p with nearly the least norm: those that minimise the square of the
+// difference in the effect, plus SHARING times the norm.
+inline Vector nearly_least_norm(const Assembly& assembly, const Vector& p) {
+  constexpr double SHARING = 1e-9;  // for contacts whose normals or lever arms differ by 3e-5
+  const int count = assembly.count;
+  const std::vector<AssembledContact>& contacts = assembly.contacts;
+  Effects<DD> effects(assembly);
+  std::vector<DD>&A = effects.matrix, b(count);
+  Vector weight(count), unit(count);
+  double mean = 0;
+  for (int i = 0; i < count; ++i) {
+    weight[i] = effects.scale[i] * effects.scale[i] * contacts[i].length * contacts[i].length;
+    mean += weight[i] / count;
+    for (int j = 0; j < count; ++j) b[i] -= A[i * count + j] * DD{p[j] / effects.scale[j], 0};
   }
-  return found.effect;
+  for (int i = 0; i < count; ++i) unit[i] = 1 / std::sqrt(1 + SHARING * weight[i] / mean);  // for a unit diagonal
+  for (int i = 0; i < count; ++i) {
+    b[i] = unit[i] * b[i];
+    for (int j = 0; j < count; ++j) A[i * count + j] = i == j ? DD{1, 0} : unit[i] * (unit[j] * A[i * count + j]);
+  }
+  Vector nearly = rounded(minimise(A, b, assembly.all_contacts()).x.data(), count);
+  for (int i = 0; i < count; ++i) nearly[i] *= unit[i] * effects.scale[i];
+  return nearly;
 }
