@@ -174,7 +174,8 @@ def weighted_components(body: Body, change: Twist) -> list[tuple[Any, Any]]:
         traces = L.trace(), W.trace()
         linear, angular = (1 / square_root(x) if certain(x) > 0 else 0 for x in traces)
     elif body.has_mass():
-        angular = square_root(body.inertia.trace() / 3) / square_root(body.mass)
+        xx, _, _, yy, _, zz = body.inertia
+        angular = square_root((xx + yy + zz) / 3) / square_root(body.mass)
     else:
         return []
     return [*((x, linear) for x in change.linear), *((x, angular) for x in change.angular)]
