@@ -54,7 +54,7 @@ def draw(points: Sequence[Point]) -> None:
 
 def panel(axes: Axes, name: str, points: dict[str, Point]) -> None:
     """Draw one scene."""
-    axes.set(xscale="log", yscale="log", xlim=(4e-3, 2e4), ylim=(FLOOR / 30, CEILING))
+    axes.set(xscale="log", yscale="log", xlim=(1e-3, 2e4), ylim=(FLOOR / 30, CEILING))
     axes.set_title(name, loc="left", fontsize=12, fontweight="bold")
     axes.set_xticks([1e-2, 1, 1e2, 1e4], ["10 ns", "1 µs", "100 µs", "10 ms"])
     axes.set_yticks([1e-16, 1e-12, 1e-8, 1e-4, 1], ["1e-16", "1e-12", "1e-8", "1e-4", "1"])
