@@ -176,6 +176,17 @@ def integrates_in_steps(model: ImpactModel) -> bool:
     return model.law in STEPPED or (model.law in PATHS and model.geometry is Geometry.SPATIAL)
 
 
+def settled_bound(model: ImpactModel) -> float:
+    """Return the error bound below which more digits change nothing, for a model without AUTO; mostly 0.
+
+    Where a path is integrated in steps, they only decide whether the bodies approach, which is known if the
+    error is below 1, and whether they do so below the threshold.
+    """
+    if not integrates_in_steps(model):
+        return 0.0
+    return USEFUL_BOUND if model.restitution_threshold > 0 else 1.0
+
+
 def _first_precision(precision: Precision, tolerance: float) -> Precision:
     if precision is not Precision.AUTO:
         return precision

@@ -35,9 +35,9 @@ from .model import (
     ImpactModel,
     Precision,
     check_number,
-    integrates_in_steps,
     law_for,
     plan_model,
+    settled_bound,
 )
 from .physics.body import Body, Twist
 from .physics.contact import Contact
@@ -110,10 +110,9 @@ def _resolve_more_exactly(
         answer: the best answer of the kernels; ``None`` if they know no number of it.
     """
     plan = plan_model(model)
-    if plan.last_precision is Precision.EXTENDED:
-        more = None
-        if not _is_settled(answer):
-            more = arbitrary_precision.resolve(body_a, body_b, contact, model)
+    is_settled = answer is not None and answer.error_bound < settled_bound(answer.model)
+    if plan.last_precision is Precision.EXTENDED and not is_settled:
+        more = arbitrary_precision.resolve(body_a, body_b, contact, model)
         if more is not None and (answer is None or not answer.error_bound < more.error_bound):
             return more
         has_threshold = model.restitution_threshold > 0 and contact.restitution > 0
@@ -132,14 +131,6 @@ def _resolve_more_exactly(
         is_separating = answer.regime is Regime.SEPARATING
         return answer._replace(status=StatusCode.SEPARATING if is_separating else StatusCode.OK)
     return answer
-
-
-def _is_settled(answer: Impact | None) -> bool:
-    """Whether no number of digits makes an answer more exact, or decides whether the bodies approach.
-
-    They do if its error is below 1, because then its impulse is not 0.
-    """
-    return answer is not None and answer.error_bound < 1 and integrates_in_steps(answer.model)
 
 
 def _resolve_with_threshold_decided(

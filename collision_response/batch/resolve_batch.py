@@ -33,7 +33,7 @@ import numpy as np
 
 from ..kernels import library
 from ..kernels.protocol import NumberType
-from ..model import DEFAULT, LARGEST_BOUND, USEFUL_BOUND, ImpactModel, Precision, integrates_in_steps
+from ..model import DEFAULT, LARGEST_BOUND, ImpactModel, Precision, settled_bound
 from ..status import StatusCode, format_value
 from .dask_arrays import resolve_lazily
 from .one_by_one import resolve_one_by_one
@@ -192,10 +192,7 @@ def _refine(
     columns = _inexact(out, LARGEST_BOUND if model.precision is Precision.DOUBLE else plan.target_bound)
     if columns.size and plan.first_precision is not plan.last_precision:
         columns = _compute_extended(request, out, columns, workers)
-    if integrates_in_steps(model):
-        # More digits only decide whether the bodies approach, and whether they do so below the threshold.
-        undecided = USEFUL_BOUND if model.restitution_threshold > 0 else 1.0
-        columns = columns[~(out.error_bound[columns] < undecided)]
+    columns = columns[~(out.error_bound[columns] < settled_bound(model))]
     if columns.size:
         yield from resolve_one_by_one(request.select(columns), out, columns)
     has_answer = (out.status == StatusCode.OK) | (out.status == StatusCode.SEPARATING)

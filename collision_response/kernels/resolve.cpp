@@ -139,7 +139,7 @@ int compute_one_impact(PyObject* const* request, const Plan& plan, OneImpact& im
   ImpactResult &result = impact.result, more_exact;
   ImpactKernel last_kernel = nullptr;
   for (int precision = plan.first_precision;; ++precision) {
-    bool is_first = precision == plan.first_precision;
+    const bool is_first = !last_kernel;
     int used_precision = precision;
     ImpactKernel kernel = find_impact_kernel(impact.law, impact.is_articulated, used_precision);
     if (!kernel) {
