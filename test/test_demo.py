@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from collision_response.demo import simultaneous
-from collision_response.demo.balance import EnergyBalance
+from collision_response.demo.scene import EnergyBalance
 from collision_response.demo.time_of_impact import TOUCH_GAP, until_spheres_touch, until_touch
 from collision_response.physics.body import Body
 from collision_response.physics.laws import Law
@@ -50,9 +51,9 @@ def test_a_gap_that_does_not_close_is_not_found():
 
 def test_an_energy_balance_shows_missing_and_rising_energy():
     balance = EnergyBalance(10.0)
-    balance.add_impact(8.0, 1.5, 0.5)
+    balance.add_impact(8.0, SimpleNamespace(energy_lost_restitution=1.5, energy_lost_friction=0.5))
     assert (balance.error(), balance.relative_rise()) == (0.0, 0.0)
-    balance.add_impact(9.0, 0.0, 0.0)
+    balance.add_impact(9.0, SimpleNamespace(energy_lost_restitution=0.0, energy_lost_friction=0.0))
     assert (balance.error(), balance.relative_rise()) == (pytest.approx(0.1), pytest.approx(0.1))
 
 
@@ -83,6 +84,34 @@ def test_a_box_stands_on_its_corners():
         for c in contacts
     }
     assert offsets == {(x, y, -1.0) for x in (-1.0, 1.0) for y in (-1.0, 1.0)}
+
+
+@pytest.mark.parametrize("place", ["recordings", "recordings/demo.rrd"])
+def test_a_recording_that_cannot_be_replaced_or_read_is_a_problem_like_others(
+    place, tmp_path, monkeypatch, capsys
+):
+    """A file stands where its directory should be, or is no recording."""
+    pytest.importorskip("rclpy"), pytest.importorskip("rerun")
+    from collision_response.demo import __main__ as demo
+
+    def demonstrate():
+        yield "another problem"
+        demo.recording_parameters()
+        (tmp_path / place).touch()
+        yield from demo.check_recording(1)
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / place).parent.mkdir(exist_ok=True)
+    if place == "recordings":
+        (tmp_path / place).touch()
+    monkeypatch.setattr(demo, "demonstrate", demonstrate)
+    monkeypatch.setattr(demo.signal, "signal", lambda *_: None)
+    for variable in "ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE":
+        monkeypatch.setenv(variable, "")  # restored at the end
+    assert demo.main([]) == 1
+    first, second = (line for line in capsys.readouterr().out.splitlines() if line.startswith("FAILED: "))
+    assert first == "FAILED: another problem"
+    assert "recordings/demo.rrd" in second
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.MOREAU, Law.ROUTH_STRONGE])

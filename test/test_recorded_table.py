@@ -584,6 +584,17 @@ def test_a_scene_with_another_number_of_answers_differs(recording, field, value,
     assert f"scene of box, the floor: {field} was [" in capsys.readouterr().out
 
 
+def test_a_scene_whose_answer_is_empty_now_differs(recording, tmp_path, capsys):
+    """As when its request was edited."""
+    none = pa.array([], pa.float64())
+    columns = columns_of(recording, "/scenes") | {"request_contacts": none, "request_pairs": none}
+    path = edited(tmp_path / "edited.rrd", "/scenes", columns)
+    assert main(["replay", str(path)]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    for name in ("regimes", "impulses", "normal_velocities_after"):
+        assert any(f": {name} was [" in line and line.endswith("], is []") for line in lines), name
+
+
 def test_a_scene_that_is_answered_differently_is_reported(recording, capsys):
     was = scene(1)
     changed = was.impact._replace(

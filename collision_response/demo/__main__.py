@@ -39,10 +39,11 @@ def main(arguments: list[str] | None = None) -> int:
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     domain = os.environ["ROS_DOMAIN_ID"] = str(free_domain())
     print(f"This process starts a node and calls it over DDS, in domain {domain}.\n")
+    problems: list[str] = []
     try:
-        problems = list(demonstrate())
-    except (NodeFailed, NoAnswer, RCLError) as error:
-        problems = [str(error)]
+        problems += demonstrate()  # and keep what was found before an error
+    except (NodeFailed, NoAnswer, RCLError, OSError) as error:
+        problems.append(str(error))
     except KeyboardInterrupt:
         print("\ninterrupted")
         return 130
@@ -73,13 +74,10 @@ def demonstrate() -> Iterator[str]:
         impacts = sum(answer.status.code == answer.status.OK for answer in answers)
         print(f"All {len(answers)} answers were also published on the result topics.")
 
-    if not CAN_RECORD:
+    if CAN_RECORD:
+        yield from check_recording(impacts)
+    else:
         print("Nothing recorded: rerun-sdk is not installed.")
-        return
-    recorded = recorded_impacts()
-    print(f"The node has recorded {recorded} impacts and scenes. To see them: {viewer()} {RECORDING}")
-    if recorded != impacts:
-        yield f"{RECORDING} has {recorded} impacts instead of {impacts}"
 
 
 def recording_parameters() -> dict[str, Any]:
@@ -94,13 +92,19 @@ def recording_parameters() -> dict[str, Any]:
     }
 
 
-def recorded_impacts() -> int:
-    """Number of impacts and scenes in the recording."""
+def check_recording(impacts: int) -> Iterator[str]:
+    """Yield a message if the recording cannot be read, or has another number of impacts and scenes."""
     from ..recording import scenes, table
-    from ..recording.report import Summary
 
-    summary = Summary.of(table.read([RECORDING]), scenes.read([RECORDING]))
-    return len(summary.answers) + len(summary.scenes)
+    try:
+        rows, scene_rows = table.rows_of(table.read([RECORDING])), scenes.read([RECORDING])
+    except (RuntimeError, ValueError) as error:  # it is damaged or not complete
+        yield str(error)
+        return
+    recorded = sum(map(table.is_answer, rows)) + scene_rows.num_rows
+    print(f"The node has recorded {recorded} impacts and scenes. To see them: {viewer()} {RECORDING}")
+    if recorded != impacts:
+        yield f"{RECORDING} has {recorded} impacts instead of {impacts}"
 
 
 def check_topic(client: Client) -> Iterator[str]:

@@ -10,13 +10,13 @@ import math
 import random
 from collections.abc import Mapping
 
+from ..msg import CollisionResult
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.energy import kinetic_energy
-from ..physics.mass_properties import sphere
 from ..physics.vector import Vec3
-from .balance import EnergyBalance
-from .scene import FRAMES, Answer, Collision, Resolve, Show
+from .messages import twist_of
+from .scene import FRAMES, Collision, EnergyBalance, Resolve, Show
 from .time_of_impact import until_spheres_touch
 
 RADIUS, MASS = 0.028575, 0.17
@@ -61,18 +61,11 @@ def rack() -> dict[str, Body]:
 
 
 def _ball(x: float, y: float, speed: float = 0.0) -> Body:
-    return Body.dynamic(MASS, sphere(MASS, RADIUS).inertia, (x, y, RADIUS), None, (speed, 0.0, 0.0))
+    return Body.sphere(MASS, RADIUS, position=(x, y, RADIUS), velocity=(speed, 0.0, 0.0))
 
 
 class Break:
-    """The scene with its energy balance.
-
-    Attributes:
-        time: time of the scene [s].
-        balls: the balls, by name.
-        impacts: number of impacts resolved so far.
-        energy: the energy balance.
-    """
+    """The balls by name, with the number of their impacts so far and their energy balance."""
 
     def __init__(self, balls: Mapping[str, Body]) -> None:
         self.time = 0.0
@@ -125,12 +118,12 @@ class Break:
             contact = Contact.of((a.position + b.position) / 2, a.position - b.position, **BALL_ON_BALL)
         return Collision(self.time, name_a, name_b, a, b, contact)
 
-    def _apply(self, collision: Collision, answer: Answer) -> None:
+    def _apply(self, collision: Collision, answer: CollisionResult) -> None:
         self.impacts += 1
-        self.balls[collision.name_a] = collision.body_a.with_twist(answer.twist_a)
+        self.balls[collision.name_a] = collision.body_a.with_twist(twist_of(answer.twist_a))
         if collision.body_b is not None:
-            self.balls[collision.name_b] = collision.body_b.with_twist(answer.twist_b)
-        self.energy.add_impact(self._kinetic_energy(), answer.lost_restitution, answer.lost_friction)
+            self.balls[collision.name_b] = collision.body_b.with_twist(twist_of(answer.twist_b))
+        self.energy.add_impact(self._kinetic_energy(), answer)
 
     def _kinetic_energy(self) -> float:
         return math.fsum(kinetic_energy(ball) for ball in self.balls.values())

@@ -14,15 +14,14 @@ from ..model import ImpactModel
 from ..msg import BodyState, CollisionResult, SceneResult
 from ..physics.body import Body
 from ..physics.energy import kinetic_energy
-from ..physics.laws import Law
+from ..physics.laws import Law, Regime
 from ..physics.vector import Vec3
 from ..ros.scene_client import pack
 from ..srv import ResolveCollision
-from .balance import EnergyBalance
 from .billiards import Break, cushion_bodies, rack
 from .client import Client
-from .messages import FRAME, answer_of, contact_of, state_of, time_of, twist_of
-from .scene import FRAMES, Answer, Collision
+from .messages import FRAME, contact_of, state_of, time_of, twist_of
+from .scene import FRAMES, Collision, EnergyBalance
 from .simultaneous import (
     ContactScene,
     cradle,
@@ -127,11 +126,6 @@ class Stage:
 
     Static bodies are published once; requests give them by name. Moving bodies are part of the request, with
     their state at the moment of the impact: the last published state would be up to a frame old.
-
-    Args:
-        client: the client of the service.
-        begin: time at which the scene begins [ns].
-        static: the static bodies, by name.
     """
 
     def __init__(self, client: Client, begin: int, static: Mapping[str, Body]) -> None:
@@ -141,16 +135,16 @@ class Stage:
         self.published = 0
         self._publish(self._static.values())
 
-    def resolve(self, collision: Collision) -> Answer:
+    def resolve(self, collision: Collision) -> CollisionResult:
         """Answer of the service to a collision of two bodies."""
         stamp = self._stamp(collision.time)
         request = ResolveCollision.Request(contact=contact_of(collision.contact, stamp))
         request.body_a = state_of(collision.name_a, collision.body_a, stamp)
         if collision.body_b is not None:
             request.body_b = state_of(collision.name_b, collision.body_b, stamp)
-            return answer_of(self._client.call(request))
+            return self._client.call(request)
         request.body_b = BodyState(name=collision.name_b)
-        return answer_of(self._client.call(request, self._static[collision.name_b]))
+        return self._client.call(request, self._static[collision.name_b])
 
     def resolve_scene(self, scene: ContactScene, time: float, tolerance: float = 0.0) -> SceneResult:
         """Answer of the service to several contacts at once."""
@@ -199,10 +193,10 @@ def tumbling_rod(client: Client, begin: int) -> Iterator[str]:
     print(f"   {'time [s]':>8} {'angle [deg]':>11}  {'regime':8} {'lost to friction':>16}", end="")
     print(f" {'to restitution':>14} {'energy [J]':>10} {'spin [rad/s]':>15}")
     for bounce in scene.run(stage.resolve, stage.show, BOUNCES):
-        answer = bounce.answer
+        answer, regime = bounce.answer, Regime(bounce.answer.regime).name.lower()
         print(
-            f"   {bounce.time:8.4f} {math.degrees(bounce.angle):11.1f}  {answer.regime.name.lower():8}"
-            f" {answer.lost_friction:16.6f} {answer.lost_restitution:14.6f}"
+            f"   {bounce.time:8.4f} {math.degrees(bounce.angle):11.1f}  {regime:8}"
+            f" {answer.energy_lost_friction:16.6f} {answer.energy_lost_restitution:14.6f}"
             f" {bounce.energy:10.6f} {bounce.spin:15.4f}"
         )
     print()
@@ -240,7 +234,7 @@ def _flat_boxes(stage: Stage) -> Iterator[str]:
     for contact in cycle(in_turn.contacts):
         if is_approaching(other, contact):
             collision = Collision(STRIKE, name, in_turn.static_names[0], other, None, contact)
-            other = other.with_twist(stage.resolve(collision).twist_a)
+            other = other.with_twist(twist_of(stage.resolve(collision).twist_a))
         elif not any(is_approaching(other, corner) for corner in in_turn.contacts):
             break
     _play(stage, in_turn.bodies, {name: other})
@@ -262,8 +256,7 @@ def _tight_rack(stage: Stage) -> Iterator[str]:
     result, moved = _strike(stage, scene)
     balls = [*moved.values()]
     balance = EnergyBalance(result.kinetic_energy_before)
-    energy = math.fsum(map(kinetic_energy, balls))
-    balance.add_impact(energy, result.energy_lost_restitution, result.energy_lost_friction)
+    balance.add_impact(math.fsum(map(kinetic_energy, balls)), result)
     mirror = Vec3(1.0, -1.0, 1.0)
     asymmetry = max(
         math.dist(balls[i].velocity, map(mul, balls[k].velocity, mirror)) for i, k in mirror_pairs()

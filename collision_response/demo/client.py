@@ -38,13 +38,7 @@ class NoAnswer(Exception):
 
 
 class Channel(NamedTuple):
-    """One service of the node, and the topic with its results.
-
-    Attributes:
-        service: the client of the service.
-        answers: answers of the service, refusals included.
-        results: messages received on the topic.
-    """
+    """The client of a service, its answers, refusals included, and the messages on the topic of results."""
 
     service: Any
     answers: list[Any]
@@ -54,8 +48,7 @@ class Channel(NamedTuple):
 class Client:
     """A node with its own context; use it as a context manager.
 
-    Args:
-        check: called while waiting for the service; may raise.
+    While it waits, it calls ``check``, which may raise.
     """
 
     def __init__(self, check: Callable[[], None]) -> None:
@@ -97,15 +90,10 @@ class Client:
             self._states.publish(state)
 
     def call(self, request: Any, *named: BodyState) -> Any:
-        """Call a service and return its result.
+        """Call either service and return its result.
 
-        Args:
-            request: a request to either service.
-            named: states of bodies that the request gives by name only. A request may overtake a state, so
-                they are published again until the node knows them.
-
-        Raises:
-            NoAnswer: if the service refuses the request or does not answer.
+        ``named`` are the states of bodies that the request gives by name only. A request may overtake a
+        state, so they are published again until the node knows them.
         """
         channel = self._channels[type(request)]
         deadline = time.monotonic() + DEADLINE
@@ -125,11 +113,7 @@ class Client:
         raise NoAnswer(f"status {status.code}: {status.message}")
 
     def call_all(self, requests: Iterable[ResolveCollision.Request]) -> list[CollisionResult]:
-        """Send many requests at once and return their results.
-
-        Raises:
-            NoAnswer: if the service refuses a request or does not answer all.
-        """
+        """Send many requests at once and return their results."""
         service = self._channels[ResolveCollision.Request].service
         futures = [service.call_async(request) for request in requests]
         for future in futures:

@@ -7,15 +7,13 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Twist
 
 from ..body_conversions import body_to_numbers
-from ..msg import BodyState, CollisionResult
+from ..msg import BodyState
 from ..msg import Contact as ContactMessage
 from ..physics.body import Body
 from ..physics.body import Twist as BodyTwist
 from ..physics.contact import Contact
-from ..physics.laws import Regime
 from ..ros.convert import vector_of
 from ..ros.serialized import state_from
-from .scene import Answer
 
 FRAME = "world"
 
@@ -43,17 +41,6 @@ def contact_of(contact: Contact, stamp: Time) -> ContactMessage:
     for part, vector in ((message.position, contact.position), (message.normal, contact.normal)):
         part.x, part.y, part.z = map(float, vector)
     return message
-
-
-def answer_of(result: CollisionResult) -> Answer:
-    """The part of a result that a scene uses."""
-    return Answer(
-        twist_of(result.twist_a),
-        twist_of(result.twist_b),
-        result.energy_lost_restitution,
-        result.energy_lost_friction,
-        Regime(result.regime),
-    )
 
 
 def twist_of(message: Twist) -> BodyTwist:

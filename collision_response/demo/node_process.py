@@ -25,11 +25,7 @@ class NodeFailed(Exception):
 
 
 class NodeProcess:
-    """A running node. It starts on construction and is always ended, by SIGINT, when the context is left.
-
-    Args:
-        parameters: parameters of the node, by name.
-    """
+    """A running node. It starts on construction and is always ended, by SIGINT, when the context is left."""
 
     def __init__(self, parameters: dict[str, Any]) -> None:
         parameters = {"shutdown_timeout": SHUTDOWN_TIME, **parameters}
@@ -70,11 +66,7 @@ class NodeProcess:
 
 
 def find_executable() -> str:
-    """Path of the node's executable, as installed by pip or by colcon.
-
-    Raises:
-        NodeFailed: if it is in neither place.
-    """
+    """Path of the node's executable, as installed by pip or by colcon."""
     prefixes = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
     places = [sysconfig.get_path("scripts"), *(f"{p}/lib/collision_response" for p in prefixes)]
     found = shutil.which(EXECUTABLE, path=os.pathsep.join(places))

@@ -12,7 +12,6 @@ from typing import NamedTuple
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Law
-from ..physics.mass_properties import box, sphere
 from ..physics.orientation import Quaternion
 from ..physics.vector import Vec3
 
@@ -23,14 +22,9 @@ ROWS = 5
 
 
 class ContactScene(NamedTuple):
-    """Bodies in contact just before the impact.
+    """Moving bodies by name in contact with each other and with static bodies, just before the impact.
 
-    Attributes:
-        bodies: the moving bodies, by name.
-        static_names: names of the static bodies.
-        pairs: for each contact, the indices of its two bodies in ``bodies`` followed by the static bodies.
-        contacts: the contacts.
-        law: the impact law to use.
+    ``pairs`` has for each contact the indices of its two bodies in ``bodies`` followed by the static bodies.
     """
 
     bodies: dict[str, Body]
@@ -48,9 +42,8 @@ def cradle(law: Law, start: Vec3) -> ContactScene:
 
 def flat_box(name: str, floor: str, place: Vec3) -> ContactScene:
     """A box with a square base that lands flat on a floor at 1 m/s; ``place`` is below its centre."""
-    half = SIDE / 2
-    inertia = box(1.0, (SIDE, SIDE, HEIGHT)).inertia
-    body = Body.dynamic(1.0, inertia, place + Vec3(0.0, 0.0, HEIGHT / 2), None, (0.0, 0.0, -1.0))
+    half, centre = SIDE / 2, place + Vec3(0.0, 0.0, HEIGHT / 2)
+    body = Body.box(1.0, (SIDE, SIDE, HEIGHT), position=centre, velocity=(0.0, 0.0, -1.0))
     corners = [place + Vec3(x, y, 0.0) for x in (-half, half) for y in (-half, half)]
     contacts = [Contact.of(corner, (0.0, 0.0, 1.0), 1.0) for corner in corners]
     return ContactScene({name: body}, (floor,), [(0, 1)] * 4, contacts, Law.AUTO)
@@ -98,7 +91,7 @@ def _moved_freely(body: Body, time: float) -> Body:
 
 
 def _ball(position: Vec3, speed: float = 0.0) -> Body:
-    return Body.dynamic(MASS, sphere(MASS, RADIUS).inertia, position, None, (speed, 0.0, 0.0))
+    return Body.sphere(MASS, RADIUS, position=position, velocity=(speed, 0.0, 0.0))
 
 
 def _with_contacts(balls: dict[str, Body], e: float, law: Law) -> ContactScene:

@@ -19,7 +19,7 @@ import numpy as np
 
 from ..physics.body import Body
 from ..physics.contact import Contact
-from ..physics.mass_properties import Particle, of_particles, rod
+from ..physics.mass_properties import Particle, of_particles
 from ..physics.tensor import Symmetric3
 from ..physics.vector import Vec3
 
@@ -28,14 +28,7 @@ fractions: Any = np.frompyfunc(F, 1, 1)
 
 
 class System(NamedTuple):
-    """An impact with a known answer.
-
-    Attributes:
-        name: S1 to S8.
-        title: a short description.
-        body_a, body_b, contact: the request.
-        expected: values of some quantities of the result by a closed form, by path.
-    """
+    """An impact with a known answer: values of some quantities of the result by a closed form, by path."""
 
     name: str
     title: str
@@ -244,7 +237,7 @@ def s8() -> System:
     return System(
         "S8",
         "rod struck at its end",
-        Body.dynamic(3.0, rod(3.0, 2.0).inertia, (0.0, -1.0, 0.0), upright),
+        Body.rod(3.0, 2.0, position=(0.0, -1.0, 0.0), orientation=upright),
         Body.dynamic(0.5, velocity=(-6.0, 0.0, 0.0)),
         Contact.of((0.0, 0.0, 0.0), normal=(-1.0, 0.0, 0.0), restitution=1.0),
         _floats(expected),

@@ -14,10 +14,8 @@ TOUCH_GAP = 1e-13
 def until_spheres_touch(offset: Vec3, velocity: Vec3, reach: float) -> float:
     """Time until two spheres in free motion touch [s]; infinite if they never do.
 
-    Args:
-        offset: vector from the centre of the first sphere to that of the second [m].
-        velocity: velocity of the second sphere relative to the first [m/s].
-        reach: sum of the radii [m].
+    ``offset`` [m] and ``velocity`` [m/s] are those of the second relative to the first, ``reach`` the sum of
+    the radii [m].
     """
     closing = offset.dot(velocity)
     if closing >= 0:
@@ -34,12 +32,8 @@ def until_touch(gap: Callable[[float], tuple[float, float]], curvature: float, l
     """Time until a gap closes [s]; infinite if it does not before ``limit``.
 
     Each step is as long as the gap certainly stays open (conservative advancement). Near the contact this is
-    a Newton step, and converges as fast.
-
-    Args:
-        gap: returns the gap [m] and its rate [m/s] at a time from now [s].
-        curvature: upper bound on the magnitude of its second derivative [m/s^2].
-        limit: end of the search [s].
+    a Newton step, and converges as fast. ``gap`` returns the gap [m] and its rate [m/s] at a time from now;
+    ``curvature`` is an upper bound on the magnitude of its second derivative [m/s^2].
     """
     time = 0.0
     while time < limit:

@@ -10,14 +10,14 @@ import math
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
+from ..msg import CollisionResult
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.energy import kinetic_energy
-from ..physics.mass_properties import rod
 from ..physics.orientation import Quaternion
 from ..physics.vector import Vec3
-from .balance import EnergyBalance
-from .scene import FRAMES, Answer, Collision, Resolve, Show
+from .messages import twist_of
+from .scene import FRAMES, Collision, EnergyBalance, Resolve, Show
 from .time_of_impact import until_touch
 
 GRAVITY = 9.81
@@ -28,46 +28,30 @@ FALL = 1.25
 
 
 class Bounce(NamedTuple):
-    """One impact of the rod.
+    """One impact of the rod, at a time of the scene [s] and an angle between rod and floor [rad].
 
-    Attributes:
-        time: time of the scene [s].
-        angle: angle between rod and floor at the impact [rad].
-        answer: answer of the node.
-        energy: kinetic plus potential energy after the impact [J].
-        spin: angular velocity after the impact [rad/s].
+    ``energy`` is the kinetic plus potential energy after it [J], ``spin`` the angular velocity [rad/s].
     """
 
     time: float
     angle: float
-    answer: Answer
+    answer: CollisionResult
     energy: float
     spin: float
 
 
 class TumblingRod:
-    """The scene with its energy balance.
+    """The rod, which falls on a place of the floor, with its energy balance.
 
-    Args:
-        place: point of the floor above which the rod starts [m].
-
-    Attributes:
-        time: time of the scene [s].
-        body: the rod, which rotates about the y axis.
-        angle: elevation of its +x end above the horizontal [rad].
-        energy: the energy balance.
+    It rotates about the y axis; ``angle`` is the elevation of its +x end above the horizontal [rad].
     """
 
     def __init__(self, place: Vec3) -> None:
         self.time = 0.0
         self.angle = math.atan(2.0)
         down = math.sqrt(2 * GRAVITY * FALL)
-        height = FALL + LENGTH / 2 * math.sin(self.angle)
-        self.body = self._oriented(
-            Body.dynamic(
-                MASS, rod(MASS, LENGTH).inertia, place + Vec3(0.0, 0.0, height), None, (down / 2, 0.0, 0.0)
-            )
-        )
+        centre = place + Vec3(0.0, 0.0, FALL + LENGTH / 2 * math.sin(self.angle))
+        self.body = self._oriented(Body.rod(MASS, LENGTH, position=centre, velocity=(down / 2, 0.0, 0.0)))
         self.energy = EnergyBalance(self.total_energy())
 
     def run(self, resolve: Resolve, show: Show, bounces: int) -> Iterator[Bounce]:
@@ -83,8 +67,8 @@ class TumblingRod:
             self._advance(event)
             angle = math.asin(abs(math.sin(self.angle)))
             answer = resolve(self._collision(end))
-            self.body = self.body.with_twist(answer.twist_a)
-            self.energy.add_impact(self.total_energy(), answer.lost_restitution, answer.lost_friction)
+            self.body = self.body.with_twist(twist_of(answer.twist_a))
+            self.energy.add_impact(self.total_energy(), answer)
             yield Bounce(self.time, angle, answer, self.energy.current, self.body.angular_velocity.y)
 
     def total_energy(self) -> float:

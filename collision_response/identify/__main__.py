@@ -102,15 +102,7 @@ def _failed(file: object, error: Exception) -> int:
 
 
 def read(arguments: argparse.Namespace) -> Measurements:
-    """Read the file of impacts that the command line names.
-
-    Raises:
-        ImpactError: if the file holds no usable impacts.
-        ImportError: if the file is a recording and rerun is not installed.
-        OSError: if the file cannot be read.
-        ValueError: if readings of a sphere lack ``--speed``, ``--radius`` or ``--errors``, or have a number
-            that is out of range.
-    """
+    """Read the file of impacts that the command line names. Raises ``EXPECTED_ERRORS``."""
     if arguments.file.suffix == ".rrd":
         from .from_recording import read_impacts
 

@@ -68,10 +68,7 @@ def read_rows(path: Path, more: Mapping[str, str]) -> tuple[list[dict[str, float
 
 
 def _cells(path: Path, needed: set[str]) -> tuple[list[dict[str, str]], list[str]]:
-    """Read the text of the cells: one dictionary per row, by column name; and the names that are not needed.
-
-    There are no blanks around the names.
-    """
+    """Read the text of the cells: one dictionary per row, by column name; and the names not needed."""
     with path.open(newline="", encoding="utf-8-sig") as file:
         reader = csv.DictReader(file)
         try:
@@ -103,8 +100,7 @@ def impacts_from_rows(rows: list[dict[str, float]]) -> Impacts:
     """Return the impacts in the rows of a table.
 
     Raises:
-        ImpactError: INVALID_TABLE if a column is missing; else as
-            :meth:`~collision_response.identify.Impacts.of`.
+        ImpactError: INVALID_TABLE if a column is missing; else as ``Impacts.of``.
     """
     _require_columns(rows[0], ["m"], NORMAL, AFTER + [f"b_{name}" for name in AFTER])
     bodies_a, bodies_b = ([_body(row, owner) for row in rows] for owner in ("", "b_"))
@@ -115,15 +111,10 @@ def impacts_from_rows(rows: list[dict[str, float]]) -> Impacts:
 def readings_from_rows(
     rows: list[dict[str, float]], speed: float, radius: float, errors: Mapping[str, float]
 ) -> SphereReadings:
-    """Return the readings in the rows of a table.
-
-    Args:
-        rows: the rows, from :func:`read_rows`.
-        speed, radius, errors: as for :class:`~collision_response.identify.SphereReadings`.
+    """Return the readings in the rows of a table, with arguments and errors as for ``SphereReadings``.
 
     Raises:
         ImpactError: INVALID_TABLE if a column is missing.
-        ValueError: as :class:`~collision_response.identify.SphereReadings`.
     """
     _require_columns(rows[0], ["incidence"], SphereReadings.QUANTITIES)
     tables = {

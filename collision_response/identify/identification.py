@@ -157,7 +157,7 @@ def _check(
     loss: str,
     resamples: int,
 ) -> None:
-    if not isinstance(resamples, (int, Integral)):
+    if not isinstance(resamples, Integral):
         raise TypeError(f"resamples: must be a whole number, is {resamples!r}")
     for field, value, known in (
         ("law", law, LAWS),

@@ -168,13 +168,7 @@ class LeastSquares(NamedTuple):
 
         The search uses coefficients that are shifted so that their lower limit is 1. SciPy limits its
         first step to the length of the starting point, and a step that is too short would end the search.
-
-        Args:
-            x: starting values of the coefficients, in the order of ``names``.
-            precision: relative change of the cost at which the search ends.
-
-        Raises:
-            ImportError: if SciPy is not installed.
+        It ends when the relative change of the cost is below ``precision``.
         """
         try:
             from scipy.optimize import least_squares
@@ -183,12 +177,14 @@ class LeastSquares(NamedTuple):
         least, most = np.array([RANGES[name][:2] for name in self.names]).T
         loss = {"loss": self.loss, "f_scale": MAGNIFICATION * self.scale} if self.scale else {}
         origin = least - 1
-        ends: dict[str, Any] = {
-            "bounds": (least - origin, most - origin),
-            "xtol": PRECISION,
-            "ftol": precision,
-        }
-        one = least_squares(lambda y: MAGNIFICATION * self.residuals(y + origin), x - origin, **ends, **loss)
+        one = least_squares(
+            lambda y: MAGNIFICATION * self.residuals(y + origin),
+            x - origin,
+            bounds=(least - origin, most - origin),
+            xtol=PRECISION,
+            ftol=precision,
+            **loss,
+        )
         one.cost = one.cost / MAGNIFICATION**2
         one.grad = one.grad / MAGNIFICATION**2
         one.jac = one.jac / MAGNIFICATION

@@ -35,9 +35,8 @@ BODY, CONTACT = body_rows(Geometry.SPATIAL, oriented=True), contact_rows(Geometr
 class Measurements(Protocol):
     """Measurements of N impacts to which coefficients can be fitted."""
 
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        """Names of the available kinds of residuals. The first is the default."""
+    kinds: tuple[str, ...]
+    """Names of the available kinds of residuals. The first is the default."""
 
     def __len__(self) -> int:
         """The number of impacts."""
@@ -76,7 +75,7 @@ def informative(measured: Measurements, kind: str) -> Measurements:
     return measured.take(np.flatnonzero(measured.approaching() & depends.any(axis=0)))
 
 
-class Impacts:
+class Impacts(Measurements):
     """Twists of two bodies before and after each of N impacts. Use :meth:`of` to build them.
 
     There are three kinds of residuals. The squares of ``kinetic`` add up to twice the kinetic energy of the
@@ -145,19 +144,15 @@ class Impacts:
         return self.contacts.shape[1]
 
     def take(self, chosen: Array) -> Impacts:
-        """See :class:`Measurements`."""
         return Impacts(*(table[..., chosen] for table in (self.bodies, self.contacts, self.after, self.root)))
 
     def approaching(self) -> Array:
-        """See :class:`Measurements`."""
         return (self._at_contact(self._twists_before()) * self.contacts[CONTACT.normal]).sum(axis=0) < 0
 
     def residuals(self, law: Law, coefficients: CoefficientValues, kind: str) -> Array:
-        """See :class:`Measurements`."""
         return self._in_norm(kind, self.predict(law, coefficients) - self.after)
 
     def is_measured(self, kind: str) -> Array:
-        """See :class:`Measurements`."""
         known = ~np.isnan(self.after) & np.isfinite(self.bodies[BODY.mass])
         linear, angular = known[:3], known[3:]
         if kind == "contact":
@@ -168,7 +163,6 @@ class Impacts:
         return _in_rows([linear] if kind == "linear" else [linear, turning])
 
     def sizes(self, kind: str) -> Array:
-        """See :class:`Measurements`."""
         return self._in_norm(kind, self.after)
 
     def predict(self, law: Law, coefficients: CoefficientValues) -> Array:
@@ -245,12 +239,7 @@ def _in_rows(parts: Sequence[Array]) -> Array:
 
 
 def _read_request(field: str, body_a: Body, body_b: Body, contact: Contact) -> tuple[Body, Body, Contact]:
-    """Return a request with floats. It must have an answer, whatever its coefficients, and rigid bodies.
-
-    Raises:
-        ImpactError: as :meth:`Impacts.of` says.
-        TypeError: if an argument has the wrong type.
-    """
+    """Return a request with floats. It must have an answer, whatever its coefficients, and rigid bodies."""
     given = ("body_a", body_a, Body), ("body_b", body_b, Body), ("contact", contact, Contact)
     for name, value, kind in given:
         if not isinstance(value, kind):
@@ -311,7 +300,7 @@ SHELL_GYRATION = 2 / 3
 """``I / (m R^2)`` of a thin hollow sphere, the largest of all spheres."""
 
 
-class SphereReadings:
+class SphereReadings(Measurements):
     """Readings, as papers print them, of a sphere that strikes a flat target at one speed and without spin.
 
     The kinds of residuals are the names of the tables, and ``all`` for all together if there are several.
@@ -380,27 +369,23 @@ class SphereReadings:
         return self._rows.shape[1]
 
     def take(self, chosen: Array) -> SphereReadings:
-        """See :class:`Measurements`."""
         some = object.__new__(SphereReadings)
         some.kinds, some._sphere, some._rows = self.kinds, self._sphere, self._rows[:, chosen]
         some._impacts = self._impacts.take(chosen)
         return some
 
     def approaching(self) -> Array:
-        """See :class:`Measurements`."""
         return self._impacts.approaching()
 
     def residuals(self, law: Law, coefficients: CoefficientValues, kind: str) -> Array:
-        """See :class:`Measurements`. The unit is the error of a reading."""
+        """Return prediction minus measurement, in errors of a reading; 0 where nothing was measured."""
         return self._in_reading_errors(kind, self.predict(law, coefficients) - self._rows[2])
 
     def is_measured(self, kind: str) -> Array:
-        """See :class:`Measurements`."""
         of = range(len(self.QUANTITIES)) if kind == "all" else [self.QUANTITIES.index(kind)]
         return np.isin(self._rows[0], of)[None]
 
     def sizes(self, kind: str) -> Array:
-        """See :class:`Measurements`."""
         return self._in_reading_errors(kind, self._rows[2])
 
     def predict(self, law: Law, coefficients: CoefficientValues) -> Array:

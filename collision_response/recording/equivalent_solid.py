@@ -52,12 +52,6 @@ class EquivalentSolid(NamedTuple):
 
 def _quaternion(m: np.ndarray) -> np.ndarray:
     """Quaternion of a rotation matrix: the eigenvector of the largest eigenvalue (Bar-Itzhack 2000)."""
-    k = np.array(
-        [
-            [m[0, 0] - m[1, 1] - m[2, 2], m[1, 0] + m[0, 1], m[2, 0] + m[0, 2], m[2, 1] - m[1, 2]],
-            [m[1, 0] + m[0, 1], m[1, 1] - m[0, 0] - m[2, 2], m[2, 1] + m[1, 2], m[0, 2] - m[2, 0]],
-            [m[2, 0] + m[0, 2], m[2, 1] + m[1, 2], m[2, 2] - m[0, 0] - m[1, 1], m[1, 0] - m[0, 1]],
-            [m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], m[0, 0] + m[1, 1] + m[2, 2]],
-        ]
-    )
+    trace, axis = np.trace(m), np.array([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]])
+    k = np.block([[m + m.T - trace * np.eye(3), axis[:, None]], [axis, trace]])
     return np.linalg.eigh(k)[1][:, 3]

@@ -146,11 +146,7 @@ def _without_fractions(value: Any) -> Any:
 
 
 class UnwritableEntries(Exception):
-    """Some entries of a batch cannot be written, so nothing of the batch was written.
-
-    Attributes:
-        entries: the entries that cannot be written.
-    """
+    """Some ``entries`` of a batch cannot be written, so nothing of the batch was written."""
 
     def __init__(self, entries: list[Entry]) -> None:
         super().__init__(f"{len(entries)} entries cannot be written")

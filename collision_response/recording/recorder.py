@@ -102,10 +102,7 @@ class Recorder:
         self.path = directory.absolute() / (
             name or f"collision_response_{datetime.now():%Y-%m-%d_%H-%M-%S.%f}.rrd"
         )
-        self.dropped = 0
-        self.unwritable = 0
-        self.abandoned = 0
-        self.untimed = 0
+        self.dropped = self.unwritable = self.abandoned = self.untimed = 0
         self._first = self.path
         self._number = 0
         self._report = report
@@ -140,11 +137,7 @@ class Recorder:
         return self.dropped + self.unwritable + self.abandoned
 
     def close(self, timeout: float = 10.0) -> None:
-        """Write all entries that wait and complete the file. A second call does nothing.
-
-        Args:
-            timeout: how long to wait for this [s].
-        """
+        """Write what waits and complete the file, within a time [s]. A second call does nothing."""
         if self._closing.is_set():
             return
         self._closing.set()

@@ -91,12 +91,7 @@ def in_words(summary: Summary) -> list[str]:
 
 
 def page(summary: Summary, files: Sequence[str]) -> str:
-    """Make the HTML page.
-
-    Args:
-        summary: the summary.
-        files: names of the files, for the title.
-    """
+    """Make the HTML page; the names of the files are its title."""
     words = "\n".join(in_words(summary))
     title = escape(", ".join(files))
     body = "\n".join([f"<pre>{escape(words)}</pre>", *_plots(summary), *_tables(summary)])
@@ -192,7 +187,6 @@ class SvgPlot:
     """A plot as SVG.
 
     Attributes:
-        title: title above the plot.
         across: label of the x axis.
         x, y: limits of the axes.
         log_y: whether the y values are decimal logarithms of the quantity shown.

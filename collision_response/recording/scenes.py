@@ -26,11 +26,10 @@ COLUMNS: table.Columns = {
     **dict.fromkeys(("status", *ENUMERATIONS, "adjustments"), table.WORD),
     **dict.fromkeys(NUMBERS, table.NUMBER),
     **dict.fromkeys(("bodies", "regimes"), table.WORD_LIST),
-    **dict.fromkeys(("twists", "impulses"), table.NUMBER_LIST),
+    **dict.fromkeys(("twists", "impulses", "restitution", "friction"), table.NUMBER_LIST),
     **dict.fromkeys(("normal_velocities_before", "normal_velocities_after"), table.NUMBER_LIST),
-    **dict.fromkeys(("restitution", "friction"), table.NUMBER_LIST),
     **dict.fromkeys(
-        ("request_bodies", "request_pairs", "request_contacts", "request_model"), table.NUMBER_LIST
+        (f"request_{part}" for part in ("bodies", "pairs", "contacts", "model")), table.NUMBER_LIST
     ),
 }
 CONTACT_SIZE = 9

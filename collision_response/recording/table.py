@@ -195,7 +195,7 @@ def _rows_in(batch: pa.RecordBatch, columns: Columns) -> pa.Table:
 
 
 def _invalid_column(rows: pa.Table, columns: Columns, optional: Columns) -> str | None:
-    """Return the name of a column that a row needs and lacks, or that is of another kind, if there is one."""
+    """Return the name of a column that a row lacks, or that is of another kind, if there is one."""
     parts = [(rows, columns)]
     if "message" in rows.column_names:
         is_refusal = rows["message"].is_valid()
@@ -281,6 +281,6 @@ def changed_columns(before: dict[str, Any], now: dict[str, Any]) -> Iterator[tup
         old = before.get(name)
         if old is None or old == value:
             continue
-        first = value[0] if isinstance(value, list) else value
+        first = next(iter(value), "") if isinstance(value, list) else value
         if isinstance(first, str) or not np.array_equal(old, value, equal_nan=True):
             yield name, old, value

@@ -19,14 +19,7 @@ HAS_STATES = hasattr(rr, "StateChange")
 
 
 class Plot(NamedTuple):
-    """A view with two curves over time.
-
-    Attributes:
-        title: title of the view.
-        fields: field of ``Impact`` that each curve shows.
-        names: names of the curves.
-        colours: colours of the curves.
-    """
+    """A view with two curves over time, each of a field of ``Impact``, with its name and colour."""
 
     title: str
     fields: tuple[str, str]

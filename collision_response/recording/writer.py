@@ -91,18 +91,12 @@ class Recording:
 
 
 class Writer:
-    """Writes one file, which is complete when the context is left.
+    """Writes one file of a recording, which is complete when the context is left.
 
     There are two timelines: ``answer``, the sequence number, and ``ros_time``. Answers without a stamp, as
     before the first ``/clock`` of a simulation, are on the first only; body states without one are left out.
 
-    Attributes:
-        path: path of the file.
-        file: the file, to which rerun writes through a pipe.
-
-    Args:
-        path: path of the file; its directory is made if it does not exist.
-        recording: the recording. No other of its files may be open.
+    The directory of the file is made if it does not exist. No other file of the recording may be open.
 
     Raises:
         OSError: if the file exists or cannot be created.
@@ -361,10 +355,7 @@ def _from_z_axis(normals: np.ndarray) -> np.ndarray:
 def _arrows(origins: np.ndarray, *velocities: np.ndarray, rows: Sequence[int] | None = None) -> Any:
     """Columns of arrows, from each origin one arrow for each array of velocities.
 
-    Args:
-        origins: origin of the arrows.
-        velocities: arrays with one velocity for each origin.
-        rows: number of origins in each row; ``None``: one.
+    ``rows`` has the number of origins in each row; ``None``: one.
     """
     count, vectors = len(velocities), np.stack(velocities, axis=1) * ARROW_TIME
     columns = rr.Arrows3D.columns(origins=origins.repeat(count, axis=0), vectors=vectors.reshape(-1, 3))

@@ -10,7 +10,7 @@ The files::
         convert.py, tables.py    messages to bodies and back; tables in messages
     answer_log.py        publishes and records the answers
     diagnostics.py, throttled_warnings.py    what the node says about itself
-    process.py, steady_timer.py, wheels.py    signals, timers, releases of ROS
+    process.py, wheels.py    signals, timers, memory; releases of ROS
     batch_client.py, scene_client.py    for clients: requests from arrays and from bodies
     sources.py, markers.py    the nodes that publish body states, and markers
 """

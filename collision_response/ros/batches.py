@@ -42,14 +42,13 @@ from .tables import LAYOUTS, Array, Request, Response, number_of_names, result_i
 
 
 class BatchBodies(NamedTuple):
-    """The bodies of a request: first those of the table, then those given by name.
+    """The bodies of a request, first those of the table, then those given by name, with the states used.
 
     Attributes:
         table: a column for each body, shape ``(rows, bodies)``.
         codes: for each body UNSET, or the :class:`StatusCode` that says why it cannot be used.
         errors: the errors of bodies that cannot be used.
-        stamps: for each body given by name, the stamp of the state used.
-        ages: for each body given by name, how much older that state is than the request [s]; NaN if unknown.
+        stamps, ages: as in :class:`~.body_lookup.StateUsed`, of each body given by name.
     """
 
     table: Array
@@ -128,11 +127,7 @@ def compute(batch: BatchRequest, out: BatchResult) -> Iterator[None]:
 
 
 def layout_of(request: Request) -> Layout:
-    """Layout of the tables of a request.
-
-    Raises:
-        ImpactError: INVALID_TABLE if the layout is unknown.
-    """
+    """Layout of the tables of a request."""
     if request.layout not in LAYOUTS:
         known = ", ".join(f"{layout.name} ({number})" for number, layout in LAYOUTS.items())
         reason = f"must be one of {known}; is {request.layout}"
@@ -141,11 +136,7 @@ def layout_of(request: Request) -> Layout:
 
 
 def pairs_of(request: Request, max_contacts: int) -> Array:
-    """Indices of the bodies of each contact, shape ``(2, N)``.
-
-    Raises:
-        ImpactError: INVALID_TABLE, or BUDGET_EXCEEDED if there are more than ``max_contacts`` contacts.
-    """
+    """Indices of the bodies of each contact, shape ``(2, N)``."""
     indices = np.asarray(request.pairs)
     if indices.size % 2:
         reason = f"must hold two indices for each contact, holds {indices.size} in all"
@@ -157,11 +148,7 @@ def pairs_of(request: Request, max_contacts: int) -> Array:
 
 
 def contacts_of(request: Request, layout: Layout, n: int) -> Array:
-    """Table of the ``n`` contacts, shape ``(rows, n)``.
-
-    Raises:
-        ImpactError: INVALID_TABLE.
-    """
+    """Table of the ``n`` contacts, shape ``(rows, n)``."""
     numbers, contact_rows = np.asarray(request.contacts), layout.contacts
     rows = numbers.size // n if n else contact_rows.height
     fewest, most = contact_rows.friction.start, contact_rows.height + 1
@@ -172,11 +159,7 @@ def contacts_of(request: Request, layout: Layout, n: int) -> Array:
 
 
 def table_of(request: Request, layout: Layout) -> Array:
-    """Table of the bodies of a request that are given in full, shape ``(rows, bodies)``.
-
-    Raises:
-        ImpactError: INVALID_TABLE.
-    """
+    """Table of the bodies of a request that are given in full, shape ``(rows, bodies)``."""
     rows = layout.bodies
     table = table_in("bodies", request.bodies, rows.height, f" for {layout.name}")
     if request.immovable:
@@ -192,10 +175,6 @@ def bodies_of(
     """Collect the bodies of a request: those of the table, then the latest states of those given by name.
 
     A body given by name that cannot be used is no error: the others are used.
-
-    Raises:
-        StateNotYetReceived: if the request has ``not_before``, and a state is older than that or unknown.
-        ImpactError: SAME_BODY, or BUDGET_EXCEEDED for too many names.
     """
     count, number = table.shape[1], number_of_names(request)
     max_names = 2 * max_contacts
@@ -254,13 +233,7 @@ def _column(owner: str, state: BodyState, layout: Layout) -> list[float]:
 
 
 def write_codes(pairs: Array, codes: Array, status: Array) -> None:
-    """Write why bodies cannot be used into the status of their contacts.
-
-    Args:
-        pairs: indices of the bodies of each contact, shape ``(2, N)``.
-        codes: for each body UNSET, or why it cannot be used.
-        status: status of each contact, changed in place. SAME_BODY stays.
-    """
+    """Write why bodies cannot be used into the status of their contacts, where SAME_BODY stays."""
     code_a, code_b = np.append(codes, np.uint8(StatusCode.UNKNOWN_BODY)).take(pairs, mode="clip")
     code = np.where(code_a, code_a, code_b)
     np.copyto(status, code, where=(code != StatusCode.UNSET) & (status != StatusCode.SAME_BODY))

@@ -44,12 +44,7 @@ contact, and are kept for subscribers."""
 
 
 class StateUsed(NamedTuple):
-    """The state that was used for a body given by name.
-
-    Attributes:
-        stamp: its stamp.
-        age: how much older it is than the contact [s]; NaN if unknown.
-    """
+    """Stamp of the state that was used for a body, and how much older it is than the contact [s], or NaN."""
 
     stamp: Time
     age: float
@@ -66,15 +61,10 @@ class StateNotYetReceived(ImpactError):
 class StateFinder:
     """Finds the states of the bodies that one request gives by name.
 
-    If the header of its contact has no stamp, the contact is now.
-
     Args:
         field: the field that holds the header of the contact, for errors.
-        header: that header.
+        header: that header. Without a stamp, the contact is now.
         not_before: of the request: the earliest stamp accepted; 0: any.
-
-    Raises:
-        ImpactError: FRAME_MISMATCH if the header has another frame than the parameter ``world_frame``.
     """
 
     def __init__(
@@ -109,10 +99,7 @@ class StateFinder:
             yield deadline
 
     def find(self, owner: str, field: str, name: str) -> tuple[BodyState, StateUsed]:
-        """Find the latest state of a body.
-
-        Its age is unknown if it has no stamp, or the time of the contact is unknown. Errors call the body
-        ``owner`` and the field that holds its name ``field``.
+        """Find the latest state of a body. Errors call the body ``owner``, the field with its name ``field``.
 
         Raises:
             StateNotYetReceived: if there is a ``not_before``, and no such state.
@@ -135,11 +122,7 @@ class StateFinder:
         return state, StateUsed(state.header.stamp, age)
 
     def check(self, owner: str, state: BodyState, age: float) -> None:
-        """Refuse a received state that is too far in time from the contact, or not in its frame.
-
-        Raises:
-            ImpactError: STALE_STATE, else FRAME_MISMATCH.
-        """
+        """Refuse a received state that is too far in time from the contact, or not in its frame."""
         if self._max_age and not abs(age) <= self._max_age:
             fault = f"is {age:.6g} s old" if age > 0 else f"is {-age:.6g} s ahead: do the clocks agree?"
             if math.isnan(age):
@@ -149,11 +132,7 @@ class StateFinder:
         self.check_frame(owner, state)
 
     def check_frame(self, owner: str, state: BodyState) -> None:
-        """Refuse a body that is not in the frame of the contact.
-
-        Raises:
-            ImpactError: FRAME_MISMATCH.
-        """
+        """Refuse a body that is not in the frame of the contact."""
         frame = state.header.frame_id
         if frame != self._frame:
             reason = f"is {quoted(frame)}, but {self._frame_field} is {quoted(self._frame)}"
@@ -161,16 +140,9 @@ class StateFinder:
 
 
 def complete(request: ResolveCollision.Request, finder: StateFinder) -> LookUp[list[StateUsed]]:
-    """Replace bodies given only by name by their latest states, and check names, ages and frames.
+    """Replace bodies given only by name by their latest states, and return the states used for both bodies.
 
     The request is changed in place, but not if there is an error.
-
-    Returns:
-        The states used for body_a and body_b.
-
-    Raises:
-        StateNotYetReceived: if the request has ``not_before``, and a state is older than that or unknown.
-        ImpactError: SAME_BODY, UNKNOWN_BODY, STALE_STATE or FRAME_MISMATCH.
     """
     yield from ()  # two bodies need no pause
     names = dict(zip(OWNERS, names_of(request), strict=True))
@@ -195,11 +167,7 @@ def _has_only_a_name(body: BodyState) -> bool:
 
 
 def names_of(request: ResolveCollision.Request) -> list[str]:
-    """Names of body_a and body_b, from the bodies or the contact; empty where there is none.
-
-    Raises:
-        ImpactError: UNKNOWN_BODY if the contact names another body, SAME_BODY if both names are the same.
-    """
+    """Names of body_a and body_b, from the bodies or the contact; empty where there is none."""
     names = []
     for owner in OWNERS:
         name, name_in_contact = getattr(request, owner).name, getattr(request.contact, owner)
@@ -220,9 +188,6 @@ def check_texts(request: Any, fields: Sequence[str]) -> None:
     """Refuse a request with a text that is too long.
 
     Such texts are shortened in the request, because the refusal repeats some of them.
-
-    Raises:
-        ImpactError: BUDGET_EXCEEDED.
     """
     too_long = {field: len(text) for field in fields if len(text := _getter(field)(request)) > MAX_TEXT}
     for field in too_long:
@@ -238,11 +203,7 @@ def _too_long(field: str, length: int) -> ImpactError:
 
 
 def check_names(names: Sequence[str]) -> None:
-    """Refuse a list in which a name is too long or appears twice.
-
-    Raises:
-        ImpactError: BUDGET_EXCEEDED or SAME_BODY.
-    """
+    """Refuse a list in which a name is too long or appears twice."""
     first: dict[str, int] = {}
     for i, name in enumerate(names):
         if len(name) > MAX_TEXT:
@@ -253,11 +214,7 @@ def check_names(names: Sequence[str]) -> None:
 
 
 def check_immovable(immovable: Sequence[int], count: int) -> None:
-    """Refuse indices that are not below the number of bodies in the table.
-
-    Raises:
-        ImpactError: INVALID_TABLE.
-    """
+    """Refuse indices that are not below the number of bodies in the table."""
     if len(immovable) and np.max(immovable) >= count:
         reason = f"must hold indices below {count}, holds {np.max(immovable)}"
         raise ImpactError(StatusCode.INVALID_TABLE, "immovable", reason)

@@ -69,9 +69,8 @@ class Coefficient(NamedTuple):
 
     Attributes:
         value: a number, or for a pair of materials possibly a function of the approach or slip speed.
-        source: where the coefficient came from: a constant ``FROM_...`` of ``CollisionResult``.
-        rule: the rule that combined two coefficients, or the source that the entry of a pair of materials
-            names.
+        source: where it came from: a constant ``FROM_...`` of ``CollisionResult``.
+        rule: the rule that combined two coefficients, or the source that a pair of materials names.
     """
 
     value: Any
@@ -99,14 +98,7 @@ class ImpactProblem(NamedTuple):
 def problem_of(
     request: ResolveCollision.Request, parameters: Parameters
 ) -> tuple[ImpactProblem, ContactCoefficients]:
-    """Convert a request in which both bodies are given in full.
-
-    Returns:
-        The arguments for the numeric core, and the coefficients with their sources.
-
-    Raises:
-        ImpactError: if the request cannot be converted.
-    """
+    """Convert a request in which both bodies are given in full. The coefficients come with their sources."""
     bodies = body_of("body_a", request.body_a), body_of("body_b", request.body_b)
     coefficients = coefficients_of(request.contact, request.body_a, request.body_b, parameters)
     model = model_of(request.model, _with_pair(parameters.model, coefficients.pair))
@@ -114,17 +106,7 @@ def problem_of(
 
 
 def body_of(owner: str, state: BodyState) -> Body:
-    """Convert a body. Its numbers are checked later, by the numeric core.
-
-    Args:
-        owner: what errors call the body, such as ``"body_a"``.
-        state: the body.
-
-    Raises:
-        ImpactError: NOT_FINITE if the mass is not finite, INVALID_MOTION_TYPE if the motion type is unknown
-            or a static body moves, or the error of an invalid ``inverse_inertia``. The field starts with
-            ``owner``.
-    """
+    """Convert a body, which errors call ``owner``. The numeric core checks its numbers later."""
     position, q = vector_of(state.pose.position), state.pose.orientation
     velocity, angular_velocity = vector_of(state.twist.linear), vector_of(state.twist.angular)
     rotation = Quaternion(q.x, q.y, q.z, q.w)
@@ -151,11 +133,7 @@ def body_of(owner: str, state: BodyState) -> Body:
 
 
 def check_mass(owner: str, mass: float) -> None:
-    """Refuse an infinite or NaN mass: for the core, infinite mass means a body that cannot be moved.
-
-    Raises:
-        ImpactError: NOT_FINITE.
-    """
+    """Refuse an infinite or NaN mass: for the core, infinite mass means a body that cannot be moved."""
     if not math.isfinite(mass):
         raise ImpactError(StatusCode.NOT_FINITE, f"{owner}.inertia.m", f"must be finite; is {mass}")
 
@@ -169,11 +147,7 @@ VALID_REST = (
 
 
 def check_body(owner: str, body: Body) -> None:
-    """Check a body as the numeric core does.
-
-    Raises:
-        ImpactError: if the core refuses the body. The field starts with ``owner``.
-    """
+    """Refuse a body that the numeric core refuses."""
     try:
         resolve(body, *VALID_REST)
     except ImpactError as error:
@@ -199,15 +173,8 @@ def contact_of(
 ) -> Contact:
     """Convert a contact.
 
-    Args:
-        message: its position and normal.
-        coefficients: its restitution and friction.
-        law: the law that will be used.
-        tangential_restitution: of this contact; ``None``: as in the model.
-
-    Raises:
-        ImpactError: INVALID_MODEL if friction depends on slip speed and the law follows it along its path.
-            The answer reports friction as one number, with which the impact could not be reproduced.
+    Friction that depends on slip speed is refused for a law that follows it along its path: the answer
+    reports friction as one number, with which the impact could not be reproduced.
     """
     restitution, friction = coefficients.restitution.value, coefficients.friction.value
     if callable(friction) and law in BY_SPEED:
@@ -227,10 +194,6 @@ def coefficients_of(
 
     Each comes from the first of these that gives it: the contact, the entry of the pair of materials, both
     materials, both bodies, the node's parameter.
-
-    Raises:
-        ImpactError: UNKNOWN_MATERIAL; NOT_FINITE or INVALID_COEFFICIENT for a coefficient of a body;
-            OUT_OF_RANGE if two coefficients combine to one that is beyond float64.
     """
     for owner, body in (("body_a", body_a), ("body_b", body_b)):
         if body.material:

@@ -14,8 +14,8 @@ from rclpy.node import Node
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from ..status import StatusCode
+from .process import create_steady_timer
 from .states import LatestStates
-from .steady_timer import create_steady_timer
 
 PERIOD = 1.0
 """Time [s] between two messages."""
@@ -58,8 +58,7 @@ class Counters:
 class Diagnostics:
     """Publishes counts, rates and latencies once a second, with level WARN if a problem count has grown.
 
-    ``not_recorded`` returns the number of entries that are missing in the recording, ``waiting`` that of
-    requests that are not answered yet.
+    ``not_recorded`` and ``waiting`` count missing entries of the recording, and unanswered requests.
     """
 
     def __init__(

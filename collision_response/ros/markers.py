@@ -167,9 +167,6 @@ class ContactMarkers(Node):
         subscriptions ``collision_response/result`` and ``collision_response/scene_result``.
         publisher ``collision_response/markers``: every contact of every answer.
         publisher ``collision_response/wrench``: the wrench on body_a of every single impact.
-
-    Args:
-        options: as for :class:`rclpy.node.Node`.
     """
 
     def __init__(self, **options: Any) -> None:

@@ -71,13 +71,6 @@ class CollisionResponseNode(Node):
             gets the last 100.
         publisher ``~/scene_result``: the same for ``~/resolve_scene``.
         publisher ``/diagnostics``: counts, rates and latencies.
-
-    Attributes:
-        parameters: the parameters as they were last set.
-        impact_service: answers ``~/resolve_collision``.
-
-    Args:
-        options: as for :class:`rclpy.node.Node`.
     """
 
     _recorder: Recorder | None = None

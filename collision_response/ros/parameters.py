@@ -240,15 +240,10 @@ DECLARED_BY_RCLPY = {"use_sim_time", "start_type_description_service"}
 
 
 def declare(node: Node, declarations: Iterable[Declaration]) -> set[str]:
-    """Declare the parameters of a node.
+    """Declare the parameters of a node, and return the names of those that were given.
 
-    Args:
-        node: a node made with ``automatically_declare_parameters_from_overrides``, so that all parameters
-            that were given are declared. They are declared again here, with descriptions and ranges.
-        declarations: the parameters of the node.
-
-    Returns:
-        The names of the parameters that were given, for :func:`warn_of_unknown`.
+    The node was made with ``automatically_declare_parameters_from_overrides``, so all parameters that were
+    given are declared. They are declared again here, with descriptions and ranges.
 
     Raises:
         rclpy.exceptions.ParameterException: if a value that was given is not allowed.

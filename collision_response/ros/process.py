@@ -1,4 +1,4 @@
-"""Running a node as a process: its arguments, its memory, and the signals that end it."""
+"""Running a node as a process: its arguments, its timers, its memory, and the signals that end it."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ import threading
 import time
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
 import rclpy
+from rclpy.clock import Clock, ClockType  # type: ignore[attr-defined]  # where Jazzy, too, has it
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -22,7 +24,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from .take_all import RCLError
+from .take_all import InvalidHandle, RCLError
 from .throttled_warnings import WARNING_INTERVAL
 
 AnyNode = TypeVar("AnyNode", bound=Node)
@@ -44,15 +46,9 @@ START_ERRORS = (StartError, ParameterException, NameValidationException, RCLErro
 def run(
     make: Callable[[], AnyNode], args: list[str] | None, end: Callable[[AnyNode], Any] = Node.destroy_node
 ) -> int:
-    """Make a node and spin it until SIGINT, SIGTERM or SIGHUP.
+    """Make a node, spin it until SIGINT, SIGTERM or SIGHUP, and end it. Return 0, or 1 if it cannot start.
 
-    Args:
-        make: makes the node.
-        args: the ROS arguments; ``None``: those of this process.
-        end: shuts the node down. It is called when the node is not spun any more.
-
-    Returns:
-        The exit code: 0, or 1 if the node cannot start.
+    Without ``args``, the ROS arguments are those of this process.
     """
     open_standard_streams()
     stop = shutdown_requested()
@@ -142,13 +138,20 @@ def spin(node: Node, stop: Future[None]) -> None:
         executor.shutdown()
 
 
+def create_steady_timer(node: Node, period: float, callback: Callable[[], Any]) -> Any:
+    """Create a timer with a period [s] that also runs while simulated time stands still."""
+
+    def call() -> None:
+        with suppress(InvalidHandle):  # of a node that another thread destroys meanwhile
+            callback()
+
+    return node.create_timer(period, call, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+
 def limit_memory(mebibytes: int) -> None:
     """Make allocations fail beyond a limit, so that no request can exhaust the memory of the machine.
 
-    The limit is on private writable memory. It excludes libraries and the shared memory of DDS.
-
-    Args:
-        mebibytes: the limit; 0: none.
+    The limit is on private writable memory, without libraries and the shared memory of DDS. 0: none.
 
     Raises:
         StartError: if the process already uses so much that DDS would end it at the next request.

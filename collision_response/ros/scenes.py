@@ -50,15 +50,7 @@ IN_TABLE = BodyState()
 
 
 class SceneBody(NamedTuple):
-    """A body of a request.
-
-    Attributes:
-        name: its name.
-        owner: what errors call it.
-        body: the body as the numeric core takes it.
-        state: its state; ``IN_TABLE`` for a body of the table.
-        used: the state that was used for it.
-    """
+    """A body of a request, which errors call ``owner``, as the numeric core takes it and as a message."""
 
     name: str
     owner: str
@@ -114,11 +106,7 @@ class SceneService:
 
 
 def contacts_of(request: ResolveScene.Request, max_contacts: int) -> list[ContactMessage]:
-    """Make a message of each contact of a request.
-
-    Raises:
-        ImpactError: INVALID_TABLE, or BUDGET_EXCEEDED if there are more than ``max_contacts``.
-    """
+    """Make a message of each contact of a request."""
     table = table_in("contacts", request.contacts, len(CONTACT_ROWS))
     count = table.shape[1]
     if count > max_contacts:
@@ -137,13 +125,7 @@ def contacts_of(request: ResolveScene.Request, max_contacts: int) -> list[Contac
 
 
 def bodies_of(request: ResolveScene.Request, finder: StateFinder) -> LookUp[list[SceneBody]]:
-    """Collect the bodies of a request: those of the table, then the latest states of those given by name.
-
-    Raises:
-        StateNotYetReceived: if the request has ``not_before``, and a state is older than that or unknown.
-        ImpactError: INVALID_TABLE, BUDGET_EXCEEDED if there are more than ``MAX_BODIES``, SAME_BODY,
-            UNKNOWN_BODY, STALE_STATE or FRAME_MISMATCH; or if a body cannot be converted.
-    """
+    """Collect the bodies of a request: those of the table, then the latest states of those given by name."""
     table = table_in("bodies", request.bodies, ROWS)
     count = table.shape[1]
     most = max(count, number_of_names(request))
@@ -182,11 +164,7 @@ def problem_of(
 ) -> tuple[SceneProblem, list[convert.ContactCoefficients]]:
     """Convert a request, and fill in the names of the bodies in its contacts, ``messages``.
 
-    Returns:
-        The arguments for the numeric core, and for each contact the coefficients with their sources.
-
-    Raises:
-        ImpactError: if the request cannot be converted.
+    The coefficients of each contact come with their sources.
     """
     model = convert.model_of(request.model, parameters.model)
     indices_a, indices_b = np.asarray(request.pairs).reshape(2, -1).tolist()

@@ -54,14 +54,6 @@ class Serialized:
         self.stamp = seconds * 1_000_000_000 + nanoseconds
         self._read_string()  # frame_id
 
-    def state_of(self, name: str) -> BodyState:
-        """State of the body with this name.
-
-        Raises:
-            MalformedMessage: if the message cannot be read as its type.
-        """
-        raise NotImplementedError
-
     def _read_integer(self, *, signed: bool = False) -> int:
         start = -(-self._end // 4) * 4
         self._end = start + 4
@@ -82,19 +74,11 @@ class Serialized:
 
 
 class SerializedState(Serialized):
-    """A serialized ``BodyState``.
-
-    Attributes:
-        name: name of the body.
-    """
+    """A serialized ``BodyState``."""
 
     def __init__(self, message: bytes) -> None:
         super().__init__(message, MAX_STATE_SIZE)
         self.name = self._read_string()
-
-    def state_of(self, name: str) -> BodyState:
-        """Return the state; the name is not checked."""
-        return self.state
 
     @cached_property
     def state(self) -> BodyState:
@@ -103,11 +87,7 @@ class SerializedState(Serialized):
 
 
 class SerializedTable(Serialized):
-    """A serialized ``BodyStates``.
-
-    Attributes:
-        size: number of bodies.
-    """
+    """A serialized ``BodyStates``, of ``size`` bodies."""
 
     def __init__(self, message: bytes) -> None:
         super().__init__(message, MAX_TABLE_SIZE)
@@ -125,7 +105,11 @@ class SerializedTable(Serialized):
             return {}
 
     def state_of(self, name: str) -> BodyState:
-        """State of one of the bodies."""
+        """Return the state of one of the bodies.
+
+        Raises:
+            MalformedMessage: if the message cannot be read, or does not have one state of this body.
+        """
         table = self._table
         size, column = len(table.names), self.columns[name]
         if len(table.numbers) != ROWS * size or len(table.motion_types) not in (0, size):

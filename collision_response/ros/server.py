@@ -24,8 +24,8 @@ from ..status import ImpactError, StatusCode
 from .clients import ConnectedClients, client_id
 from .diagnostics import Counters
 from .parameters import LatestParameters
+from .process import create_steady_timer
 from .round_robin import Job, RoundRobin, Steps
-from .steady_timer import create_steady_timer
 from .take_all import (
     IdleCallbackGroup,
     InvalidHandle,
@@ -69,12 +69,7 @@ Work = Generator[float | None, None, tuple[StatusCode, Any]]
 
 
 class NodeService(Protocol):
-    """One of the services of the node.
-
-    Attributes:
-        interface: the type of the service.
-        name: the name of the service, not yet resolved.
-    """
+    """One of the services of the node, with its type and its name, not yet resolved."""
 
     interface: Any
     name: str
@@ -95,15 +90,7 @@ class Endpoint(NamedTuple):
 
 
 class Call(NamedTuple):
-    """One request that was received.
-
-    Attributes:
-        endpoint: the service that was called.
-        client: the client that called.
-        request: what it asks for.
-        header: identifies the request to DDS.
-        received: when it was received [s], by ``time.perf_counter``.
-    """
+    """A request, with the header that identifies it to DDS, and when it was received [s]."""
 
     endpoint: Endpoint
     client: bytes
@@ -113,16 +100,10 @@ class Call(NamedTuple):
 
 
 class Server:
-    """Serves several services, with one round robin for all their clients.
+    """Serves the services of a node, with one round robin for all their clients.
 
-    Args:
-        node: the node that offers the services.
-        node_services: the services.
-        counters: counts requests and answers.
-        parameters: the parameters of the node.
-        after_sending: called after each response and a few times a second, for work that no client should
-            wait for.
-        introspection: what to publish of each call.
+    ``after_sending`` is called after each response and a few times a second, for work that no client should
+    wait for. ``introspection`` says what to publish of each call.
     """
 
     def __init__(
@@ -178,8 +159,7 @@ class Server:
     def drain(self, answering_time: float, refusing_time: float) -> int:
         """Answer all requests that have arrived, and those that arrive meanwhile; then refuse the rest.
 
-        Each takes at most the given time [s]. Return the number of requests that were received and are left
-        without an answer.
+        Each takes at most the given time [s]. Return how many requests are left without an answer.
         """
         with suppress(InvalidHandle):  # of a node that is destroyed, as after its context was shut down
             self._answer_all(answering_time, refusing_time)

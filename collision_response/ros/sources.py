@@ -51,13 +51,7 @@ ODOMETRY_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 def body_state(header: Any, name: str, mass_properties: MassProperties) -> BodyState:
-    """Make the state of a body at rest at the origin; pose and twist can be filled in.
-
-    Args:
-        header: stamp and inertial frame.
-        name: the name of the body.
-        mass_properties: mass, centre of mass and inertia, in the body frame.
-    """
+    """Make the state of a body at rest at the origin; pose and twist can be filled in."""
     state = BodyState(header=header, name=name)
     inertia = state.inertia
     inertia.m, inertia.com = mass_properties.mass, vector_message(mass_properties.com)
@@ -66,15 +60,10 @@ def body_state(header: Any, name: str, mass_properties: MassProperties) -> BodyS
 
 
 def from_odometry(odometry: Odometry, mass_properties: MassProperties, name: str = "") -> BodyState:
-    """Make the state of the body whose body frame is ``child_frame_id``.
+    """Make the state of the body whose body frame is ``child_frame_id``, which is also its default name.
 
-    The twist of an odometry is in axes of the child frame. The twist of a body state is in axes of
+    The twist of an odometry is in axes of the child frame, that of a body state in axes of
     ``header.frame_id``.
-
-    Args:
-        odometry: the odometry.
-        mass_properties: mass, centre of mass and inertia, in the child frame.
-        name: the name of the body; empty: ``child_frame_id``.
 
     Raises:
         ValueError: if the quaternion is 0 or not finite.
@@ -91,16 +80,11 @@ def from_odometry(odometry: Odometry, mass_properties: MassProperties, name: str
 def from_transforms(
     earlier: TransformStamped, later: TransformStamped, mass_properties: MassProperties
 ) -> BodyState:
-    """Make the state at the later of two transforms, with the mean twist between them.
+    """Make the state at the later of two transforms of a body frame in the inertial frame.
 
-    The mean twist is that at the middle of the interval ``T`` between the transforms, so it is wrong by
-    ``T/2`` times the acceleration. If the body rotates by more than half a turn in between, the twist is that
-    of the shorter rotation.
-
-    Args:
-        earlier: transform of the body frame in the inertial frame.
-        later: the same at a later stamp.
-        mass_properties: mass, centre of mass and inertia, in the body frame.
+    Its twist is the mean twist between them. That is the twist at the middle of the interval ``T``, so it
+    is wrong by ``T/2`` times the acceleration. If the body rotates by more than half a turn meanwhile,
+    the twist is that of the shorter rotation.
 
     Raises:
         ValueError: if a quaternion is 0 or not finite, or the second stamp is not after the first.
@@ -144,9 +128,6 @@ class BodyStatePublisher(Node):
         subscriptions ``/tf`` and ``/tf_static``, if ``frames`` is set: move links, each together with the
             links that are fixed to it.
         publisher ``body_states``: the topic to which the service subscribes.
-
-    Args:
-        options: as for :class:`rclpy.node.Node`.
 
     Raises:
         StartError: if ``frames`` is set and TF is not installed, or the description cannot be read.
@@ -231,11 +212,9 @@ class BodyStatePublisher(Node):
             self._warn(frame, partial("{!r} is not published: {}".format, frame, error))
 
     def _mass_properties_of(self, frame: str, locked: bool) -> MassProperties:
-        """Mass properties of a frame's link and all that moves with it.
+        """Mass properties of a link and all that moves with it. A prefix of its name ends in ``/``.
 
-        Args:
-            frame: the name of the link, perhaps with a prefix that ends in ``/``.
-            locked: whether joints are locked, so that the whole robot moves with the link.
+        With ``locked`` joints that is the whole robot.
         """
         if self._description is None:
             raise ValueError("no robot_description has been received")

@@ -150,7 +150,9 @@ class LatestStates:
             ImpactError: UNKNOWN_BODY, which names the ``field`` that holds the name.
         """
         self.take_all()
-        candidates: list[Serialized] = [table for table in self._tables.values() if name in table.columns]
+        candidates: list[SerializedState | SerializedTable] = [
+            table for table in self._tables.values() if name in table.columns
+        ]
         if name in self._by_name:
             candidates.append(self._by_name[name].latest)
         if not candidates:
@@ -160,7 +162,7 @@ class LatestStates:
         if latest is not last and latest.stamp - last.stamp > MAX_DELAY * 1e9:
             self._warn_of_outdated(latest, last, f"the last state of {quoted(name)}")
         try:
-            return latest.state_of(name)
+            return latest.state if isinstance(latest, SerializedState) else latest.state_of(name)
         except MalformedMessage as error:
             reason = f"is {quoted(name)}, whose last state cannot be read: {error}"
             raise ImpactError(StatusCode.UNKNOWN_BODY, field, reason) from None

@@ -34,10 +34,7 @@ def result_in(
 ) -> BatchResult:
     """Make a result whose arrays are the fields of a response.
 
-    Args:
-        response: the response.
-        fields: shape and type of each array, or ``None``, as ``result_fields`` returns them.
-        view: makes an array of a field and a shape: :func:`view_of` or :func:`zeros_in`.
+    ``view``, which is :func:`view_of` or :func:`zeros_in`, makes each array of a field and a shape.
     """
     given = zip(NAMES, fields, strict=True)
     return BatchResult(*(field and view(getattr(response, name), field[0]) for name, field in given))
@@ -51,14 +48,7 @@ def number_of_names(request: Any) -> int:
 def table_in(field: str, numbers: array[Any], rows: int, of_layout: str = "") -> Array:
     """Return the numbers of a field as a table, which shares their memory.
 
-    Args:
-        field: the name of the field, for the error.
-        numbers: the numbers, row by row.
-        rows: the number of rows.
-        of_layout: follows the number of rows in the error.
-
-    Raises:
-        ImpactError: INVALID_TABLE if the rows do not all have the same length.
+    ``of_layout`` follows the number of rows in the error, if the rows do not all have the same length.
     """
     table = np.asarray(numbers)
     if table.size % rows:
@@ -68,11 +58,7 @@ def table_in(field: str, numbers: array[Any], rows: int, of_layout: str = "") ->
 
 
 def as_lines(names: Iterable[str]) -> str:
-    """Join names to one string, one per line.
-
-    Raises:
-        ValueError: if a name has more than one line.
-    """
+    """Join names to one string, one per line."""
     names = list(names)
     for i, name in enumerate(names):
         if "\n" in name:
@@ -81,11 +67,7 @@ def as_lines(names: Iterable[str]) -> str:
 
 
 def as_indices(pairs: Array) -> Array:
-    """Convert indices of bodies to those of a request.
-
-    Raises:
-        ValueError: if a number is not an index.
-    """
+    """Convert indices of bodies to those of a request."""
     indices = pairs.astype(np.uint32)
     if (indices != pairs).any():
         wrong = pairs[indices != pairs][0]

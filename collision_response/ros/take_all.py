@@ -24,7 +24,6 @@ InvalidHandle: type[Exception] = rclpy_implementation.InvalidHandle
 UNREADABLE = (RCLError, MemoryError, UnicodeError, ValueError)
 """Errors that taking a message raises if it is malformed or larger than memory allows."""
 
-
 MAX_TIME = 0.05
 """Longest time [s] to take messages in one go, in case they arrive faster than they can be taken."""
 
@@ -41,15 +40,13 @@ class IdleCallbackGroup(CallbackGroup):
     """A callback group that the executor never executes: a :class:`TakeAllWaitable` handles its entities."""
 
     def can_execute(self, entity: Any) -> bool:
-        """Return ``False``."""
         return False
 
     def beginning_execution(self, entity: Any) -> bool:
-        """Return ``False``."""
         return False
 
     def ending_execution(self, entity: Any) -> None:
-        """Do nothing."""
+        pass
 
 
 def never_called(*_: Any) -> None:
@@ -63,8 +60,7 @@ class TakeAllWaitable(Waitable):  # type: ignore[type-arg]  # that of Jazzy take
     Args:
         node: the node that is spun.
         source: a service or a raw subscription of the node, in an :class:`IdleCallbackGroup`.
-        handle: called with each message taken: ``(request, header)`` from a service, ``(serialized message,
-            message info)`` from a subscription.
+        handle: called with ``(request, header)`` or ``(serialized message, message info)``.
         after: called when all messages have been handled.
         on_unreadable: called with the error if a message cannot be taken.
     """
@@ -121,18 +117,15 @@ class TakeAllWaitable(Waitable):  # type: ignore[type-arg]  # that of Jazzy take
         self._source.handle.__exit__(*error)
 
     def get_num_entities(self) -> NumberOfEntities:
-        """Return the number of entities in the wait set: one."""
         return NumberOfEntities(num_services=1) if self._is_service else NumberOfEntities(num_subs=1)
 
     def add_to_wait_set(self, wait_set: Any) -> None:
-        """Add the service or subscription to the wait set."""
         add = wait_set.add_service if self._is_service else wait_set.add_subscription
         self._index = None
         with suppress(InvalidHandle), self._source.handle:  # as above
             self._index = add(self._source.handle)
 
     def is_ready(self, wait_set: Any) -> bool:
-        """Whether a message waits."""
         kind = "service" if self._is_service else "subscription"
         return self._index is not None and wait_set.is_ready(kind, self._index)
 
@@ -140,7 +133,6 @@ class TakeAllWaitable(Waitable):  # type: ignore[type-arg]  # that of Jazzy take
         """Take nothing yet: :meth:`execute` takes and handles the messages."""
 
     async def execute(self, taken_data: None) -> None:
-        """Handle all messages that wait."""
         try:
             self.take_all()
         finally:

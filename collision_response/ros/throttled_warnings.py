@@ -17,10 +17,6 @@ class ThrottledWarnings:
     """Logs warnings, at most one per subject in ``WARNING_INTERVAL``.
 
     rclpy's own throttling goes by the line of code, not by the subject.
-
-    Args:
-        warn: logs a warning.
-        clock: returns the time [s].
     """
 
     def __init__(self, warn: Callable[[str], object], clock: Callable[[], float] = time.perf_counter) -> None:
