@@ -334,6 +334,8 @@ def test_invalid_requests_are_refused_by_name(measured, options, code, field):
 def test_a_comparison_of_no_laws_is_refused_by_name():
     with refused(StatusCode.INVALID_MODEL, "laws"):
         compare(falling(1.0, 2.0, 3.0), [])
+    with refused(StatusCode.INVALID_MODEL, "fit"):  # no law has a coefficient left
+        compare(falling(1.0, 2.0, 3.0), given={"restitution": 0.5, "friction": 0.1})
 
 
 @pytest.mark.parametrize("count", [2.5, "3", None, math.nan])

@@ -37,9 +37,14 @@ class StateStore:
         self.reports = []
         self.seconds = 0.0
         self.states = LatestStates(
-            most, lambda: NOW, lambda _, text: self.reports.append(text()), lambda: self.seconds
+            most,
+            now=lambda: NOW,
+            warn=lambda _, text: self.reports.append(text()),
+            take_all=lambda: self.arrive(),
+            name_of="number {0[0]}".format,
+            clock=lambda: self.seconds,
         )
-        self.states.name_of = "number {0[0]}".format
+        self.arrive = lambda: None
         self._numbers = {}
 
     def hear(self, state, publisher=1, number=None):
@@ -142,7 +147,7 @@ def test_forget_drops_all_states():
 
 def test_queued_states_are_taken_before_a_lookup():
     store = StateStore()
-    store.states.take_all = lambda: store.hear(left(7.0, 20))
+    store.arrive = lambda: store.hear(left(7.0, 20))
     store.hear(left(1.0, 10))
     assert store.speed() == 7.0
 

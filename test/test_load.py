@@ -118,7 +118,7 @@ def test_many_bodies_are_looked_up_in_parts(shared_node, monkeypatch, request_, 
         return take(*arguments, **options)
 
     monkeypatch.setattr(module, taking, counted)
-    node, states = shared_node.node, LatestStates(10, lambda: 0, pytest.fail)
+    node, states = shared_node.node, LatestStates(10, lambda: 0, pytest.fail, lambda: None, str)
     if module is StateFinder:
         service = batches.BatchService(node.parameters, states)
     else:
@@ -154,7 +154,7 @@ class Unsplit(str):
 def test_far_too_many_names_are_only_counted(shared_node, kind, number):
     request = falling(1) if kind is ResolveCollisionBatch else crowd(2)
     request.names = Unsplit("\n" * (number - 1))
-    node, states = shared_node.node, LatestStates(10, lambda: 0, pytest.fail)
+    node, states = shared_node.node, LatestStates(10, lambda: 0, pytest.fail, lambda: None, str)
     if kind is ResolveCollisionBatch:
         service = batches.BatchService(node.parameters, states)
     else:
@@ -470,7 +470,9 @@ def test_rates_are_per_elapsed_time(graph, monkeypatch, late):
     monkeypatch.setattr(diagnostics_module, "time", SimpleNamespace(perf_counter=lambda: now[0]))
     counters = Counters()
     node = Node("nobody_spins_it", context=graph.context)
-    of_node = Diagnostics(node, counters, LatestStates(1, lambda: 0, print), lambda: 0, lambda: 0)
+    of_node = Diagnostics(
+        node, counters, LatestStates(1, lambda: 0, print, lambda: None, str), lambda: 0, lambda: 0
+    )
     monkeypatch.setattr(of_node, "_publisher", SimpleNamespace(publish=told.append))
     counters.requests += 600
     now[0] += PERIOD + late

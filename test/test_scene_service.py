@@ -64,9 +64,13 @@ def test_what_a_request_has_no_place_for_is_refused():
     hand = Body.articulated([[float(i == j) for j in range(6)] for i in range(6)])
     with pytest.raises(ValueError, match=r"^bodies\[1\].inverse_inertia: "):
         pack([Body.static(), hand], [(1, 0)], CONTACTS[:1])
-    superball = CONTACTS[0]._replace(tangential_restitution=0.0)
-    with pytest.raises(ValueError, match=r"^contacts\[1\].tangential_restitution: "):
-        pack([CUBE, Body.static()], [(0, 1)] * 2, [CONTACTS[0], superball])
+    for name, value in (
+        ("tangential_restitution", 0.0),
+        *((x, lambda v: v) for x in ("restitution", "friction")),
+    ):
+        other = CONTACTS[0]._replace(**{name: value})
+        with pytest.raises(ValueError, match=rf"^contacts\[1\].{name}: "):
+            pack([CUBE, Body.static()], [(0, 1)] * 2, [CONTACTS[0], other])
 
 
 @pytest.mark.parametrize("index", [-1, 0.5, 2**32])

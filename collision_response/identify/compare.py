@@ -83,7 +83,7 @@ def compare(
         ImportError: as :func:`~collision_response.identify.identify`.
     """
     if laws is None:
-        laws = [law for law in LAWS if names_to_fit(law, fit, given or {})]
+        laws = [law for law in LAWS if names_to_fit(law, fit, given or {})] or LAWS
     if not laws:
         raise ImpactError(StatusCode.INVALID_MODEL, "laws", "must name a law, is empty")
     fits = {law: identify(measured, law, fit, given, loss=loss, seed=seed, **options) for law in laws}

@@ -54,23 +54,12 @@ class ImpactService:
         convert.write_answer(result, request, impact, coefficients)
         result.state_stamp_a, result.state_stamp_b = (used.stamp for used in states_used)
         result.state_age_a, result.state_age_b = (used.age for used in states_used)
-        names = result.contact.body_a or "body_a", result.contact.body_b or "body_b"
+        a, b = result.contact.body_a or "body_a", result.contact.body_b or "body_b"
         self.answer_log.add(
-            result,
-            lambda stamp, sequence: Record(
-                stamp,
-                sequence,
-                *names,
-                problem.body_a,
-                problem.body_b,
-                problem.contact,
-                problem.model,
-                impact,
-                duration,
-            ),
+            result, lambda stamp, sequence: Record(stamp, sequence, a, b, *problem, impact, duration)
         )
         if self.survey is not None:
-            self._log_requirements(self.survey, " - ".join(names), problem)
+            self._log_requirements(self.survey, f"{a} - {b}", problem)
         return impact.status, response
 
     def refusal(self, request: ResolveCollision.Request, error: ImpactError) -> ResolveCollision.Response:
@@ -97,7 +86,7 @@ class ImpactService:
     def _log_requirements(self, survey: SceneSurvey, name: str, problem: convert.ImpactProblem) -> None:
         before = survey.requirements()
         with suppress(ImpactError):  # the survey also resolves it without friction, which may be refused
-            survey.add(name, problem.body_a, problem.body_b, problem.contact)
+            survey.add(name, *problem[:3])
         after = survey.requirements()
         if after != before:
             self.log.info(f"the scene requires {after}")

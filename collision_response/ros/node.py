@@ -83,7 +83,9 @@ class CollisionResponseNode(Node):
         self.parameters = parameters.LatestParameters(self)
         value = partial(parameters.value_of, self)
         self._warn = ThrottledWarnings(self.get_logger().warning)
-        self._states = LatestStates(value("max_bodies"), self._now, self._warn)
+        self._states = LatestStates(
+            value("max_bodies"), self._now, self._warn, self._take_states, self._publisher_name
+        )
         self._jump_handle = self.get_clock().create_jump_callback(CLOCK_JUMPS, post_callback=self._on_jump)
 
         self._answer_log = answer_log = AnswerLog(self, self._now)
@@ -106,7 +108,6 @@ class CollisionResponseNode(Node):
             *(self._subscribe(BodyState, topic, STATE_QOS, self._add_state) for topic in topics.values()),
             self._subscribe(BodyStates, TABLE_TOPIC, TABLE_QOS, self._states.add_table),
         ]
-        self._states.take_all, self._states.name_of = self._take_states, self._publisher_name
         counters = Counters()
         Diagnostics(self, counters, self._states, self._entries_not_recorded, lambda: self._server.waiting())
         parameters.warn_of_unknown(self, given)

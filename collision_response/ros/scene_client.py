@@ -47,8 +47,8 @@ def pack(
 
     Raises:
         ValueError: if an entry of ``pairs`` is not an index, a name has more than one line, or the request
-            has no place for something: the inverse inertia of an articulated body, or the tangential
-            restitution of a contact.
+            has no place for something: the inverse inertia of an articulated body, the tangential
+            restitution of a contact, or a coefficient that is a function.
     """
     for i, body in enumerate(bodies):
         if body.inverse_inertia is not None:
@@ -56,6 +56,9 @@ def pack(
     for i, contact in enumerate(contacts):
         if contact.tangential_restitution is not None:
             raise ValueError(f"contacts[{i}].tangential_restitution: set that of the model")
+        for name in ("restitution", "friction"):
+            if callable(getattr(contact, name)):
+                raise ValueError(f"contacts[{i}].{name}: must be a number: requests hold no functions")
     request = ResolveScene.Request(names=as_lines(names))
     request.header.frame_id = frame_id
     columns = [body_to_numbers(body if body.is_movable() else body._replace(mass=0.0)) for body in bodies]
@@ -71,13 +74,9 @@ def pack(
 
 
 class Touch(NamedTuple):
-    """A contact of two bodies given by name, as simulators report it.
+    """A contact of two bodies given by name, as simulators report it, with the position of its point [m].
 
-    Attributes:
-        body_a: name of body_a.
-        body_b: name of body_b.
-        position: position of the contact point [m].
-        normal: contact normal, from body_b to body_a, of any length except 0.
+    The normal points from body_b to body_a and has any length except 0.
     """
 
     body_a: str
@@ -110,7 +109,8 @@ def pack_named(
         ValueError: if a name has more than one line.
     """
     touches = [*touches]
-    names = [*dict.fromkeys(chain(bodies, *((touch.body_a, touch.body_b) for touch in touches)))]
-    pairs = [(names.index(touch.body_a), names.index(touch.body_b)) for touch in touches]
+    names = dict.fromkeys(chain(bodies, *((touch.body_a, touch.body_b) for touch in touches)))
+    index = {name: i for i, name in enumerate(names)}
+    pairs = [(index[touch.body_a], index[touch.body_b]) for touch in touches]
     contacts = [Contact.of(touch.position, touch.normal, restitution, friction) for touch in touches]
     return pack([*bodies.values()], pairs, contacts, model, names=names, frame_id=frame_id)

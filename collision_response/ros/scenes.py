@@ -227,15 +227,8 @@ def write_answer(
     result.normal_velocities_before = list(impact.normal_velocities_before)
     result.normal_velocities_after = list(impact.normal_velocities_after)
     result.regimes = [int(regime) for regime in impact.regimes]
-    result.clusters = _cluster_of_each_contact(impact)
+    cluster_of = {i: number for number, cluster in enumerate(impact.clusters) for i in cluster}
+    result.clusters = [cluster_of[i] for i in range(len(contacts))]
     for field in NUMBERS:
         setattr(result, field, float(getattr(impact, field)))
     result.adjustments = int(impact.adjustments)
-
-
-def _cluster_of_each_contact(impact: SceneImpact) -> list[int]:
-    clusters = [0] * len(impact.contacts)
-    for number, cluster in enumerate(impact.clusters):
-        for contact in cluster:
-            clusters[contact] = number
-    return clusters

@@ -57,15 +57,13 @@ class LatestStates:
         outdated: number of states ignored because the known state was later.
         evicted: number of bodies forgotten because there were too many.
         now: returns the time of the node's clock [ns].
-        take_all: called before a look-up, to receive the messages that wait on the subscriptions. To be set
-            by the owner.
-        name_of: returns what warnings call a publisher. The same.
 
     Args:
         max_bodies: number of bodies to remember from single states, and as many from tables. The least
             recently updated bodies are forgotten first.
-        now: returns the time of the node's clock [ns].
         warn: logs a warning, as :class:`ThrottledWarnings` does.
+        take_all: called before a look-up, to receive the messages that wait on the subscriptions.
+        name_of: returns what warnings call a publisher.
         clock: returns the time [s] of a clock that is never set.
     """
 
@@ -74,15 +72,14 @@ class LatestStates:
         max_bodies: int,
         now: Callable[[], int],
         warn: Callable[[str, Callable[[], str]], object],
+        take_all: Callable[[], object],
+        name_of: Callable[[bytes], str],
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.received = self.lost = self.unreadable = self.outdated = self.evicted = 0
-        self.take_all: Callable[[], object] = lambda: None
-        self.name_of: Callable[[bytes], str] = lambda _: "an unknown publisher"
-        self._max_bodies = max_bodies
         self.now = now
-        self._warn = warn
-        self._clock = clock
+        self._max_bodies, self._warn, self._clock = max_bodies, warn, clock
+        self._take_all, self._name_of = take_all, name_of
         self._by_name: dict[str, _Known] = {}  # ordered by the arrival of the last state
         self._tables: dict[bytes | tuple[str, ...], SerializedTable] = {}  # the same
         self._sequence_numbers: dict[bytes, int] = {}
@@ -149,7 +146,7 @@ class LatestStates:
         Raises:
             ImpactError: UNKNOWN_BODY, which names the ``field`` that holds the name.
         """
-        self.take_all()
+        self._take_all()
         candidates: list[SerializedState | SerializedTable] = [
             table for table in self._tables.values() if name in table.columns
         ]
@@ -210,7 +207,7 @@ class LatestStates:
         def text() -> str:
             reason = "if time was set back, as when a bag starts again, use /clock and use_sim_time"
             if new.publisher != old.publisher:
-                two = f"{self.name_of(old.publisher)} and {self.name_of(new.publisher)}"
+                two = f"{self._name_of(old.publisher)} and {self._name_of(new.publisher)}"
                 reason = f"the publishers are {two}: do their clocks agree?"
             by = (old.stamp - new.stamp) / 1e9
             return f"{what} is {by:.6g} s older than the known one and is ignored; {reason}"
@@ -248,8 +245,8 @@ class LatestStates:
             self._warn(
                 f"publishers of {name}",
                 lambda: (
-                    f"two publishers send states of {quoted(name)}, {self.name_of(publisher)} and "
-                    f"{self.name_of(known.publisher)}: the state with the latest stamp is used"
+                    f"two publishers send states of {quoted(name)}, {self._name_of(publisher)} and "
+                    f"{self._name_of(known.publisher)}: the state with the latest stamp is used"
                 ),
             )
 
