@@ -110,7 +110,7 @@ def test_a_command_names_the_package_that_it_lacks(capsys, monkeypatch):
 
 
 def test_a_command_without_ros_says_what_to_install(capsys, monkeypatch):
-    def without_ros(module):
+    def without_ros(*_):
         raise ImportError("collision_response needs ROS for this: pip install 'ros-rclpy==9.1.*'")
 
     monkeypatch.setattr(collision_response.cli, "import_module", without_ros)

@@ -28,22 +28,14 @@ class Command(NamedTuple):
 
 
 COMMANDS = {
-    "demo": Command(
-        "collision_response.demo.__main__", "run a demonstration: known answers, a break shot, a tumbling rod"
-    ),
-    "node": Command("collision_response.ros.node", "run the ROS node that answers requests"),
-    "call": Command("collision_response.cli.call", "send one request to the node, and print the answer"),
-    "states": Command(
-        "collision_response.ros.sources", "publish the states of a robot, from odometry or TF and its URDF"
-    ),
-    "markers": Command("collision_response.ros.markers", "show the answers in RViz or Foxglove"),
-    "report": Command("collision_response.cli.report", "summarize a recording: in words, plots and a table"),
-    "replay": Command(
-        "collision_response.cli.replay", "compute the answers of a recording again, and report differences"
-    ),
-    "identify": Command(
-        "collision_response.identify.__main__", "find restitution and friction from measured impacts"
-    ),
+    "demo": Command(".demo.__main__", "run a demonstration: known answers, a break shot, a tumbling rod"),
+    "node": Command(".ros.node", "run the ROS node that answers requests"),
+    "call": Command(".cli.call", "send one request to the node, and print the answer"),
+    "states": Command(".ros.sources", "publish the states of a robot, from odometry or TF and its URDF"),
+    "markers": Command(".ros.markers", "show the answers in RViz or Foxglove"),
+    "report": Command(".cli.report", "summarize a recording: in words, plots and a table"),
+    "replay": Command(".cli.replay", "compute the answers of a recording again, and report differences"),
+    "identify": Command(".identify.__main__", "find restitution and friction from measured impacts"),
 }
 
 EXAMPLE = """
@@ -102,7 +94,7 @@ def _run(words: list[str]) -> int:
     if name not in COMMANDS:
         _parser().parse_args([name])  # --help, --version, or no such command
     try:
-        module = import_module(COMMANDS[name].module)
+        module = import_module(COMMANDS[name].module, collision_response.__name__)
     except ModuleNotFoundError as error:
         if (error.name or "").startswith("collision_response"):
             raise

@@ -65,17 +65,16 @@ def main(arguments: list[str]) -> int:
         description=DESCRIPTION,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("request", metavar="YAML", help="the request; - to read it from standard input")
-    parser.add_argument("--type", choices=SERVICES, default="ResolveCollision", help="type of the service")
-    parser.add_argument(
+    add = parser.add_argument
+    add("request", metavar="YAML", help="the request; - to read it from standard input")
+    add("--type", choices=SERVICES, default="ResolveCollision", help="type of the service")
+    add(
         "--service",
         type=service_name,
         metavar="NAME",
         help="name of the service, if it is not /collision_response/...",
     )
-    parser.add_argument(
-        "--timeout", type=seconds, default=5.0, metavar="S", help="how long to wait for the node [s]"
-    )
+    add("--timeout", type=seconds, default=5.0, metavar="S", help="how long to wait for the node [s]")
     given = parser.parse_args(arguments)
     kind, default, show = SERVICES[given.type]
     try:

@@ -12,6 +12,7 @@ from ..status import ImpactError
 from . import from_table
 from .compare import Comparison, compare
 from .identification import LAWS, Identification, identify
+from .least_squares import RANGES
 from .measurements import Measurements
 from .plot import draw
 
@@ -26,31 +27,21 @@ def make_parser() -> argparse.ArgumentParser:
         epilog=from_table.__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    add = parser.add_argument
     several: dict[str, Any] = {"nargs": "+", "action": "extend", "default": []}
     pairs: dict[str, Any] = {**several, "metavar": "NAME=VALUE"}
-    parser.add_argument("file", type=Path, help="CSV, its columns explained below; or a recording, .rrd")
-    parser.add_argument("--law", choices=LAWS_BY_NAME, default="coulomb")
-    parser.add_argument(
-        "--compare", action="store_true", help="fit all laws, and say which the impacts distinguish"
-    )
-    parser.add_argument(
-        "--fit",
-        metavar="NAME",
-        help="restitution, friction, tangential_restitution, stiffness_ratio",
-        **several,
-    )
-    parser.add_argument(
-        "--given", help="coefficients that are known: they are not fitted", type=_number, **pairs
-    )
+    add("file", type=Path, help="CSV, its columns explained below; or a recording, .rrd")
+    add("--law", choices=LAWS_BY_NAME, default="coulomb")
+    add("--compare", action="store_true", help="fit all laws, and say which the impacts distinguish")
+    add("--fit", metavar="NAME", help=", ".join(RANGES), **several)
+    add("--given", help="coefficients that are known: they are not fitted", type=_number, **pairs)
     columns = "columns that the file lacks: a number, or another column: nz=1 vx_after=vx2"
-    parser.add_argument("--set", help=columns, type=_pair, **pairs)
-    parser.add_argument(
-        "--residuals", default="", help="kinetic, contact or linear; for readings: all, or one quantity"
-    )
-    parser.add_argument("--loss", default="soft_l1", help="loss of scipy.optimize.least_squares")
-    parser.add_argument("--resamples", type=int, default=200, help="fits of the bootstrap")
-    parser.add_argument("--plot", type=Path, metavar="FILE", help="write a picture: .png, .svg or .pdf")
-    parser.add_argument(
+    add("--set", help=columns, type=_pair, **pairs)
+    add("--residuals", default="", help="kinetic, contact or linear; for readings: all, or one quantity")
+    add("--loss", default="soft_l1", help="loss of scipy.optimize.least_squares")
+    add("--resamples", type=int, default=200, help="fits of the bootstrap")
+    add("--plot", type=Path, metavar="FILE", help="write a picture: .png, .svg or .pdf")
+    add(
         "--within",
         type=float,
         default=0.05,
@@ -58,11 +49,11 @@ def make_parser() -> argparse.ArgumentParser:
         help="for a recording: a state received within this time after an impact is the measurement; "
         "0: the node's answer is",
     )
-    sphere = parser.add_argument_group("readings of a sphere")
-    sphere.add_argument("--speed", type=float, help="speed before the impact [m/s]")
-    sphere.add_argument("--radius", type=float, help="radius of the sphere [m]")
+    add = parser.add_argument_group("readings of a sphere").add_argument
+    add("--speed", type=float, help="speed before the impact [m/s]")
+    add("--radius", type=float, help="radius of the sphere [m]")
     errors = "errors of the readings: ratio=0.01 angle=1 (degrees) spin=40 (rad/s)"
-    sphere.add_argument("--errors", help=errors, type=_number, **pairs)
+    add("--errors", help=errors, type=_number, **pairs)
     return parser
 
 

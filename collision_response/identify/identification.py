@@ -122,24 +122,15 @@ def identify(
     resampled = problem.resampled(best.x, resamples, seed)
     coefficients, combination = estimates(problem, best, resampled)
     others = dict(_fits_to_other_residuals(problem))
-    squares = (used.residuals(law, problem.at(best.x), kind) ** 2).sum(axis=0)
+    values = problem.at(best.x)
+    squares = (used.residuals(law, values, kind) ** 2).sum(axis=0)
     whole = max((used.sizes(kind) ** 2).sum(), NEGLIGIBLE_SQUARES * unit**2)  # not 0 even if all bodies stop
     misfit = math.sqrt(squares.sum() / whole)
     notes = [*_notes(measured, len(used), coefficients, others)]
     if isinstance(used, Impacts) and misfit > LARGE_MISFIT:
         notes += _faults(used, kind, misfit, math.sqrt(whole))
-    return Identification(
-        law,
-        problem.at(best.x),
-        kind,
-        coefficients,
-        combination,
-        others,
-        misfit,
-        squares,
-        resampled,
-        tuple(notes),
-    )
+    fitted = law, values, kind, coefficients, combination, others
+    return Identification(*fitted, misfit, squares, resampled, tuple(notes))
 
 
 def names_to_fit(law: Law, fit: Sequence[str], given: Mapping[str, float]) -> tuple[str, ...]:

@@ -11,9 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .colours import BLUE, GREY, ORANGE, RED, REGIMES, VIOLET, Colour
+from .colours import BLUE, GREY, ORANGE, REGIMES, Colour
 from .rerun_sdk import pa
 from .table import is_answer, rows_of
+from .viewer_layout import CAUSES
 
 SHOWN = 3000
 """Greatest number of points in a plot. Of more impacts, evenly spaced ones are shown; the tables use all."""
@@ -22,10 +23,6 @@ LISTED = 10
 
 MOST = 1e300
 """Values beyond this are drawn at the edge of a plot, so that the range of an axis does not overflow."""
-
-CAUSES = {"restitution": RED, "friction": VIOLET}
-"""Causes of energy losses, and their colours."""
-
 
 Row = dict[str, Any]
 
@@ -283,17 +280,9 @@ CELLS: dict[str, Callable[[Row], object]] = {
 }
 """What the tables show of a row, by the heading of the column."""
 
-IMPACT_COLUMNS = (
-    "answer",
-    "bodies",
-    "law",
-    "regime",
-    "energy before [J]",
-    "lost [J]",
-    "error bound",
-    "time [us]",
-)
-SCENE_COLUMNS = ("answer", "bodies", "contacts", "law", "energy before [J]", "lost [J]", "error bound")
+OF_ALL = "energy before [J]", "lost [J]", "error bound"
+IMPACT_COLUMNS = ("answer", "bodies", "law", "regime", *OF_ALL, "time [us]")
+SCENE_COLUMNS = ("answer", "bodies", "contacts", "law", *OF_ALL)
 REFUSAL_COLUMNS = ("answer", "code", "why")
 
 

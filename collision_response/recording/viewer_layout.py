@@ -19,36 +19,25 @@ HAS_STATES = hasattr(rr, "StateChange")
 
 
 class Plot(NamedTuple):
-    """A view with two curves over time, each of a field of ``Impact``, with its name and colour."""
+    """A view with curves over time: fields of ``Impact``, made of a pattern and the name of each curve."""
 
     title: str
-    fields: tuple[str, str]
-    names: tuple[str, str]
-    colours: tuple[Colour, Colour]
+    pattern: str
+    colours: dict[str, Colour]
 
+    @property
+    def fields(self) -> list[str]:
+        """The field that each curve shows."""
+        return [self.pattern.format(name) for name in self.colours]
+
+
+IN_TIME, CAUSES = {"before": BEFORE, "after": AFTER}, {"restitution": RED, "friction": VIOLET}
 
 PLOTS = {
-    "/impact/kinetic_energy": Plot(
-        "Kinetic energy [J]",
-        ("kinetic_energy_before", "kinetic_energy_after"),
-        ("before", "after"),
-        (BEFORE, AFTER),
-    ),
-    "/impact/energy_lost": Plot(
-        "Energy lost [J]",
-        ("energy_lost_restitution", "energy_lost_friction"),
-        ("restitution", "friction"),
-        (RED, VIOLET),
-    ),
-    "/impact/normal_velocity": Plot(
-        "Normal velocity [m/s]",
-        ("normal_velocity_before", "normal_velocity_after"),
-        ("before", "after"),
-        (BEFORE, AFTER),
-    ),
-    "/impact/impulse": Plot(
-        "Impulse [N s]", ("normal_impulse", "tangential_impulse"), ("normal", "tangential"), (GREEN, VIOLET)
-    ),
+    "/impact/kinetic_energy": Plot("Kinetic energy [J]", "kinetic_energy_{}", IN_TIME),
+    "/impact/energy_lost": Plot("Energy lost [J]", "energy_lost_{}", CAUSES),
+    "/impact/normal_velocity": Plot("Normal velocity [m/s]", "normal_velocity_{}", IN_TIME),
+    "/impact/impulse": Plot("Impulse [N s]", "{}_impulse", {"normal": GREEN, "tangential": VIOLET}),
 }
 """The plots by entity. The curves of a plot share an entity, because each entity makes a recording larger."""
 

@@ -176,7 +176,8 @@ class Writer:
         if HAS_STATES:
             log(REGIME, rr.StateConfiguration(values=[*REGIMES], colors=[*REGIMES.values()]), static=True)
         for entity, plot in PLOTS.items():
-            points = rr.SeriesPoints(colors=plot.colours, names=plot.names, markers="circle", marker_sizes=3)
+            names, colours = [*plot.colours], [*plot.colours.values()]
+            points = rr.SeriesPoints(colors=colours, names=names, markers="circle", marker_sizes=3)
             log(entity, points, static=True)
 
 

@@ -48,7 +48,7 @@ class BatchBodies(NamedTuple):
         table: a column for each body, shape ``(rows, bodies)``.
         codes: for each body UNSET, or the :class:`StatusCode` that says why it cannot be used.
         errors: the errors of bodies that cannot be used.
-        stamps, ages: as in :class:`~.body_lookup.StateUsed`, of each body given by name.
+        stamps, ages: of the state of each body given by name, as in ``StateFinder.find``.
     """
 
     table: Array
@@ -196,7 +196,8 @@ def bodies_of(
             yield
         owner = f"names[{i}]"
         try:
-            state, (stamps[i], ages[i]) = finder.find(owner, owner, name)
+            state, ages[i] = finder.find(owner, owner, name)
+            stamps[i] = state.header.stamp
             finder.check(owner, state, ages[i])
             columns[:, i] = _column(owner, state, layout)
         except StateNotYetReceived:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Generator, Sequence
 from functools import lru_cache
 from operator import attrgetter
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -41,17 +41,6 @@ TEXTS = (
 MAX_TEXT = 256
 """Longest name, frame or material in a request [characters]. Answers repeat them, a scene for each
 contact, and are kept for subscribers."""
-
-
-class StateUsed(NamedTuple):
-    """Stamp of the state that was used for a body, and how much older it is than the contact [s], or NaN."""
-
-    stamp: Time
-    age: float
-
-
-GIVEN_IN_FULL = StateUsed(Time(), 0.0)
-"""For a body that the request gives in full."""
 
 
 class StateNotYetReceived(ImpactError):
@@ -98,8 +87,10 @@ class StateFinder:
                     raise ImpactError(StatusCode.STALE_STATE, error.field, reason) from None
             yield deadline
 
-    def find(self, owner: str, field: str, name: str) -> tuple[BodyState, StateUsed]:
-        """Find the latest state of a body. Errors call the body ``owner``, the field with its name ``field``.
+    def find(self, owner: str, field: str, name: str) -> tuple[BodyState, float]:
+        """Find the latest state of a body, and how much older it is than the contact [s]; NaN: unknown.
+
+        Errors call the body ``owner``, and the field with its name ``field``.
 
         Raises:
             StateNotYetReceived: if there is a ``not_before``, and no such state.
@@ -119,7 +110,7 @@ class StateFinder:
             reason = f"the last state of {quoted(name)} {fault}"
             raise StateNotYetReceived(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason)
         age = (time_of_contact - stamp) / 1e9 if stamp and time_of_contact else math.nan
-        return state, StateUsed(state.header.stamp, age)
+        return state, age
 
     def check(self, owner: str, state: BodyState, age: float) -> None:
         """Refuse a received state that is too far in time from the contact, or not in its frame."""
@@ -139,8 +130,8 @@ class StateFinder:
             raise ImpactError(StatusCode.FRAME_MISMATCH, f"{owner}.header.frame_id", reason)
 
 
-def complete(request: ResolveCollision.Request, finder: StateFinder) -> LookUp[list[StateUsed]]:
-    """Replace bodies given only by name by their latest states, and return the states used for both bodies.
+def complete(request: ResolveCollision.Request, finder: StateFinder) -> LookUp[list[tuple[Time, float]]]:
+    """Replace bodies given only by name by their latest states; return stamp and age of those of both bodies.
 
     The request is changed in place, but not if there is an error.
     """
@@ -152,11 +143,12 @@ def complete(request: ResolveCollision.Request, finder: StateFinder) -> LookUp[l
         if owner not in by_name:
             finder.check_frame(owner, bodies[owner])
     found = {owner: finder.find(owner, f"{owner}.name", names[owner]) for owner in by_name}
-    for owner, (state, used) in found.items():
-        finder.check(owner, state, used.age)
+    for owner, (state, age) in found.items():
+        finder.check(owner, state, age)
     for owner, (state, _) in found.items():
         setattr(request, owner, state)
-    return [found[owner][1] if owner in found else GIVEN_IN_FULL for owner in OWNERS]
+    used = {owner: (state.header.stamp, age) for owner, (state, age) in found.items()}
+    return [used.get(owner, (Time(), 0.0)) for owner in OWNERS]
 
 
 def _has_only_a_name(body: BodyState) -> bool:

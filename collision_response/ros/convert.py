@@ -86,13 +86,8 @@ class ContactCoefficients(NamedTuple):
     pair: Pair
 
 
-class ImpactProblem(NamedTuple):
-    """A request as the numeric core takes it: the arguments of :func:`~collision_response.resolve`."""
-
-    body_a: Body
-    body_b: Body
-    contact: Contact
-    model: ImpactModel
+ImpactProblem = tuple[Body, Body, Contact, ImpactModel]
+"""A request as the numeric core takes it: the arguments of :func:`~collision_response.resolve`."""
 
 
 def problem_of(
@@ -102,7 +97,7 @@ def problem_of(
     bodies = body_of("body_a", request.body_a), body_of("body_b", request.body_b)
     coefficients = coefficients_of(request.contact, request.body_a, request.body_b, parameters)
     model = model_of(request.model, _with_pair(parameters.model, coefficients.pair))
-    return ImpactProblem(*bodies, contact_of(request.contact, coefficients, model.law), model), coefficients
+    return (*bodies, contact_of(request.contact, coefficients, model.law), model), coefficients
 
 
 def body_of(owner: str, state: BodyState) -> Body:
@@ -121,15 +116,8 @@ def body_of(owner: str, state: BodyState) -> Body:
             raise error.within(owner) from None
     i = state.inertia
     check_mass(owner, i.m)
-    return Body(
-        i.m,
-        Symmetric3(i.ixx, i.ixy, i.ixz, i.iyy, i.iyz, i.izz),
-        position,
-        orientation,
-        velocity,
-        angular_velocity,
-        vector_of(i.com),
-    )
+    inertia = Symmetric3(i.ixx, i.ixy, i.ixz, i.iyy, i.iyz, i.izz)
+    return Body(i.m, inertia, position, orientation, velocity, angular_velocity, vector_of(i.com))
 
 
 def check_mass(owner: str, mass: float) -> None:

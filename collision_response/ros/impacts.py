@@ -52,8 +52,7 @@ class ImpactService:
         response, self._spare = self._spare or ResolveCollision.Response(), None
         response.success, result = True, response.result
         convert.write_answer(result, request, impact, coefficients)
-        result.state_stamp_a, result.state_stamp_b = (used.stamp for used in states_used)
-        result.state_age_a, result.state_age_b = (used.age for used in states_used)
+        (result.state_stamp_a, result.state_age_a), (result.state_stamp_b, result.state_age_b) = states_used
         a, b = result.contact.body_a or "body_a", result.contact.body_b or "body_b"
         self.answer_log.add(
             result, lambda stamp, sequence: Record(stamp, sequence, a, b, *problem, impact, duration)

@@ -11,7 +11,6 @@ import numpy as np
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point, WrenchStamped
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -40,8 +39,6 @@ DECLARATIONS = (
 )
 
 ANSWERS = {int(code) for code in StatusCode if code.is_answer}
-
-RESULTS = QoSProfile(depth=100)
 
 RED, GREY, GREEN, VIOLET = (
     ColorRGBA(r=r / 255, g=g / 255, b=b / 255, a=a)
@@ -178,7 +175,7 @@ class ContactMarkers(Node):
         self._markers = self.create_publisher(MarkerArray, "collision_response/markers", 100)
         self._wrenches = self.create_publisher(WrenchStamped, "collision_response/wrench", 100)
         results = [
-            self.create_subscription(kind, topic, self._show, RESULTS).topic_name
+            self.create_subscription(kind, topic, self._show, 100).topic_name
             for kind, topic in (
                 (CollisionResult, "collision_response/result"),
                 (SceneResult, "collision_response/scene_result"),

@@ -58,22 +58,19 @@ class Declaration(NamedTuple):
         return descriptor
 
 
+fixed = partial(Declaration, read_only=True)
+"""Declare a parameter that only the start of a node can set."""
+
 DECLARATIONS = (
     Declaration("world_frame", "", "The only frame_id accepted in requests. Empty: any."),
-    Declaration(
-        "body_state_topics",
-        ["body_states"],
-        'Topics of BodyState to subscribe to. [""]: none.',
-        read_only=True,
-    ),
-    Declaration(
+    fixed("body_state_topics", ["body_states"], 'Topics of BodyState to subscribe to. [""]: none.'),
+    fixed(
         "max_bodies",
         10_000,
         "Number of body states to keep, and as many from tables. "
         "Beyond, the least recently updated are dropped.",
         1,
         10**6,
-        True,
     ),
     Declaration(
         "max_state_age",
@@ -92,11 +89,8 @@ DECLARATIONS = (
     Declaration("friction", 0.0, "Friction where neither the contact nor both bodies give one.", most=1000.0),
     Declaration("combine_restitution", "average", "How the coefficients of two bodies are combined."),
     Declaration("combine_friction", "average", "How the coefficients of two bodies are combined."),
-    Declaration(
-        "materials_file",
-        "",
-        "YAML file with coefficients of materials and pairs of materials. Empty: none.",
-        read_only=True,
+    fixed(
+        "materials_file", "", "YAML file with coefficients of materials and pairs of materials. Empty: none."
     ),
     Declaration("law", "auto", "Impact law. auto: coulomb where there is friction, else frictionless."),
     Declaration("geometry", "auto", "Which motion is modelled. auto: the simplest geometry that is exact."),
@@ -123,52 +117,33 @@ DECLARATIONS = (
         "Tangential over normal stiffness of the contact, for the law compliant.",
         *STIFFNESS_RATIOS,
     ),
-    Declaration(
+    fixed(
         "scene_tolerance",
         0.0,
         "Log the simplest model that meets this tolerance for all impacts so far, when it changes. 0: off.",
-        read_only=True,
     ),
     Declaration("budget.contacts", 200_000, "Greatest number of contacts in one batch.", 1, 10**9),
     Declaration("budget.scene_contacts", 256, "Greatest number of contacts in one scene.", 1, 4096),
     Declaration("budget.time", 60.0, "Longest computing time [s] of one request. 0: no limit."),
-    Declaration("memory_limit", 2048, "Memory [MiB] that the process may use. 0: no limit.", 0, 10**9, True),
+    fixed("memory_limit", 2048, "Memory [MiB] that the process may use. 0: no limit.", 0, 10**9),
     Declaration(
         "shutdown_timeout",
         5.0,
         "Longest time [s] from SIGINT or SIGTERM to the end; requests that have arrived are answered first.",
         most=86_400.0,
     ),
-    Declaration(
-        "service_introspection", "off", "What to publish of each call, for ros2 service echo.", read_only=True
-    ),
-    Declaration(
-        "recording.enabled", False, "Record impacts and body states for the rerun viewer.", read_only=True
-    ),
-    Declaration(
+    fixed("service_introspection", "off", "What to publish of each call, for ros2 service echo."),
+    fixed("recording.enabled", False, "Record impacts and body states for the rerun viewer."),
+    fixed(
         "recording.directory",
         "recordings",
         "Directory of the recordings. Each start of the node makes new files.",
-        read_only=True,
     ),
-    Declaration(
-        "recording.file",
-        "",
-        "Name of the first file, which must not exist yet. Empty: made from the time.",
-        read_only=True,
+    fixed(
+        "recording.file", "", "Name of the first file, which must not exist yet. Empty: made from the time."
     ),
-    Declaration(
-        "recording.max_size",
-        MAX_SIZE,
-        "Size [MB] at which the next file begins. 0: no limit.",
-        read_only=True,
-    ),
-    Declaration(
-        "recording.max_duration",
-        MAX_DURATION,
-        "Time [s] after which the next file begins. 0: no limit.",
-        read_only=True,
-    ),
+    fixed("recording.max_size", MAX_SIZE, "Size [MB] at which the next file begins. 0: no limit."),
+    fixed("recording.max_duration", MAX_DURATION, "Time [s] after which the next file begins. 0: no limit."),
 )
 
 

@@ -22,16 +22,7 @@ from ..srv import ResolveScene
 from ..status import ImpactError, StatusCode
 from . import convert
 from .answer_log import AnswerLog
-from .body_lookup import (
-    BODIES_PER_STEP,
-    GIVEN_IN_FULL,
-    LookUp,
-    StateFinder,
-    StateUsed,
-    check_immovable,
-    check_names,
-    check_texts,
-)
+from .body_lookup import BODIES_PER_STEP, LookUp, StateFinder, check_immovable, check_names, check_texts
 from .parameters import LatestParameters, Parameters
 from .server import Work
 from .states import LatestStates
@@ -46,17 +37,17 @@ if ``budget.scene_contacts`` has its greatest value."""
 
 
 IN_TABLE = BodyState()
-"""State of a body of the table, for its material and coefficients: it has none."""
+"""State of a body of the table, which has no stamp, material or coefficients."""
 
 
 class SceneBody(NamedTuple):
-    """A body of a request, which errors call ``owner``, as the numeric core takes it and as a message."""
+    """A body as the numeric core takes it, and its state with its age [s]. Errors call the body ``owner``."""
 
     name: str
     owner: str
     body: Body
     state: BodyState
-    used: StateUsed
+    age: float
 
 
 SceneProblem = tuple[list[Body], list[tuple[int, int]], list[Contact], ImpactModel]
@@ -145,14 +136,14 @@ def bodies_of(request: ResolveScene.Request, finder: StateFinder) -> LookUp[list
         if not i % BODIES_PER_STEP:
             yield
         if i < count:
-            owner, state, used = f"bodies[{i}]", IN_TABLE, GIVEN_IN_FULL
+            owner, state, age = f"bodies[{i}]", IN_TABLE, 0.0
             body = _body_in_table(owner, columns[i], is_immovable=immovable[i])
         else:
             owner = f"names[{i}]"
-            state, used = finder.find(owner, owner, name)
-            finder.check(owner, state, used.age)
+            state, age = finder.find(owner, owner, name)
+            finder.check(owner, state, age)
             body = convert.body_of(owner, state)
-        bodies.append(SceneBody(name, owner, body, state, used))
+        bodies.append(SceneBody(name, owner, body, state, age))
     return bodies
 
 
@@ -220,8 +211,8 @@ def write_answer(
     result.friction_rules = [of_contact.friction.rule for of_contact in coefficients]
     convert.write_model(result.model, impact.model)
     result.body_names = [body.name for body in bodies]
-    result.state_stamps = [body.used.stamp for body in bodies]
-    result.state_ages = [body.used.age for body in bodies]
+    result.state_stamps = [body.state.header.stamp for body in bodies]
+    result.state_ages = [body.age for body in bodies]
     result.twists = [convert.twist_message(twist) for twist in impact.twists]
     result.impulses = [convert.vector_message(impulse) for impulse in impact.impulses]
     result.normal_velocities_before = list(impact.normal_velocities_before)

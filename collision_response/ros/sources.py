@@ -25,22 +25,19 @@ from ..physics.mass_properties import MassProperties
 from ..physics.orientation import Quaternion
 from ..physics.vector import ZERO, Vec3
 from .convert import twist_message, vector_message, vector_of
-from .parameters import Declaration, declare, warn_of_unknown
+from .parameters import declare, fixed, warn_of_unknown
 from .process import StartError, run
 from .serialized import nanoseconds
 from .throttled_warnings import ThrottledWarnings
 
 DECLARATIONS = (
-    Declaration("name", "", "Name of the body from odometry. Empty: its child_frame_id.", read_only=True),
-    Declaration(
-        "description_file",
-        "",
-        "URDF or SDF file with the inertias. Empty: use the topic robot_description.",
-        read_only=True,
+    fixed("name", "", "Name of the body from odometry. Empty: its child_frame_id."),
+    fixed(
+        "description_file", "", "URDF or SDF file with the inertias. Empty: use the topic robot_description."
     ),
-    Declaration("frames", [""], 'Frames of TF to publish as bodies. [""]: none.', read_only=True),
-    Declaration("world_frame", "", "Inertial frame in which to publish bodies from TF.", read_only=True),
-    Declaration("rate", 50.0, "How often to look up TF [1/s].", 0.001, 10_000.0, True),
+    fixed("frames", [""], 'Frames of TF to publish as bodies. [""]: none.'),
+    fixed("world_frame", "", "Inertial frame in which to publish bodies from TF."),
+    fixed("rate", 50.0, "How often to look up TF [1/s].", 0.001, 10_000.0),
 )
 
 DESCRIPTION_QOS = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
