@@ -530,9 +530,13 @@ def test_a_stale_state_is_not_used(graph):
             {"pairs": [[2**32, 1], [1, 2]]},
         ),
         ("pairs: must be indices of bodies, counted from 0; one is 0.5", {"pairs": [[0.5, 1], [1, 2]]}),
+        *(
+            (f"names[1]: must be one line without a NUL character, is {odd!r}", {"names": ["a", odd, "b"]})
+            for odd in ("b\n", "\0", "b\0c")
+        ),
     ],
 )
-def test_pack_refuses_invalid_arrays(message, changes):
+def test_pack_refuses_invalid_arrays_and_names(message, changes):
     with pytest.raises(ValueError) as raised:
         pack(
             **{"bodies": np.zeros((4, 3)), "pairs": [[0, 1], [1, 2]], "contacts": np.zeros((5, 2)), **changes}

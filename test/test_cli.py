@@ -332,6 +332,7 @@ contacts: [0, 0,  0, 0,  1, 1,  0.5, 0.5]"""
             ("body_a: {name: null}", "body_a.name: must be text, is None: write it in quotes"),
             ("body_a: {name: [a]}", "body_a.name: must be text, is ['a']: write it in quotes"),
             *((f'body_a: {{name: "{odd}"}}', "cannot be read as str") for odd in NO_TEXT),
+            (r'body_a: {name: "a\0b"}', "body_a.name: must have no NUL character"),
             (
                 f"body_a: {{inverse_inertia: {[1.0] * 37}}}",
                 "body_a.inverse_inertia: must have 36 entries at most, has 37",

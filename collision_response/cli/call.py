@@ -161,6 +161,8 @@ def _value(where: str, name: str, value: Any, default: Any, kind: str) -> Any:
     if isinstance(default, str):
         if not isinstance(value, str):
             raise InvalidRequest(f"{where}: must be text, is {value!r}: write it in quotes")
+        if "\0" in value:
+            raise InvalidRequest(f"{where}: must have no NUL character, where ROS would cut it off")
         return value
     if isinstance(default, bool):
         if not isinstance(value, bool):

@@ -54,8 +54,8 @@ def pack(
         report: whether to ask for regimes and energies.
 
     Raises:
-        ValueError: if an array has the wrong shape, an entry of ``pairs`` is not an index, or a name has
-            more than one line.
+        ValueError: if an array has the wrong shape, an entry of ``pairs`` is not an index, or a name is
+            not one line of text.
     """
     bodies, pairs, contacts = np.asarray(bodies), np.asarray(pairs), np.asarray(contacts)
     _check_shapes(bodies, pairs, contacts)

@@ -46,7 +46,7 @@ def pack(
         frame_id: the inertial frame of all bodies and contacts.
 
     Raises:
-        ValueError: if an entry of ``pairs`` is not an index, a name has more than one line, or the request
+        ValueError: if an entry of ``pairs`` is not an index, a name is not one line of text, or the request
             has no place for something: the inverse inertia of an articulated body, the tangential
             restitution of a contact, or a coefficient that is a function.
     """
@@ -106,7 +106,7 @@ def pack_named(
         frame_id: the inertial frame of all bodies and contacts.
 
     Raises:
-        ValueError: if a name has more than one line.
+        ValueError: if a name is not one line of text.
     """
     touches = [*touches]
     names = dict.fromkeys(chain(bodies, *((touch.body_a, touch.body_b) for touch in touches)))

@@ -58,11 +58,11 @@ def table_in(field: str, numbers: array[Any], rows: int, of_layout: str = "") ->
 
 
 def as_lines(names: Iterable[str]) -> str:
-    """Join names to one string, one per line."""
+    """Join names to one string, one per line. ROS would cut it off at a NUL character."""
     names = list(names)
     for i, name in enumerate(names):
-        if "\n" in name:
-            raise ValueError(f"names[{i}]: must be one line, is {name!r}")
+        if "\n" in name or "\0" in name:
+            raise ValueError(f"names[{i}]: must be one line without a NUL character, is {name!r}")
     return "\n".join(names)
 
 
