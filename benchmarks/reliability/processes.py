@@ -117,23 +117,15 @@ class NodeProcess(Process):
     """The installed node, under test."""
 
     def __init__(self, environment: dict[str, str], parameters: dict[str, Any]) -> None:
-        words = [
-            sys.executable,
-            "-I",
-            str(NODE),
-            "--ros-args",
-            "-r",
-            f"__ns:={NAMESPACE}",
-            "--log-level",
-            "warn",
-        ]
+        words = [sys.executable, "-I", str(NODE), "--ros-args", "-r", f"__ns:={NAMESPACE}"]
+        words += ["--log-level", "warn"]
         for name, value in parameters.items():
             words += ["-p", f"{name}:={str(value).lower() if isinstance(value, bool) else value}"]
         super().__init__(words, environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
 
 
 class Child(Process):
-    """A process of this package; ``role`` is one of ``CHILDREN`` in ``__main__.py``."""
+    """A process of this package; ``role`` is the module whose ``run`` it calls."""
 
     def __init__(self, role: str, order: dict[str, Any], environment: dict[str, str]) -> None:
         command = [sys.executable, "-I", str(DIRECTORY), role, json.dumps(order)]

@@ -54,10 +54,7 @@ NO_SPACE = errno.ENOSPC, errno.EDQUOT, errno.EFBIG
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a command.
-
-    Args:
-        arguments: the command line; ``None``: that of this process.
+    """Run a command, with the arguments of this process by default.
 
     Returns:
         The exit code of the command; that of a process ended by SIGINT or SIGPIPE; or ``EX_IOERR`` if there

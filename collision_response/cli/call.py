@@ -120,16 +120,7 @@ def _read() -> str:
 
 
 def fill(message: Any, tree: Any, path: str = "") -> None:
-    """Write a tree of values, as read from YAML, into a message.
-
-    Args:
-        message: the message.
-        tree: values by field.
-        path: what errors call the message.
-
-    Raises:
-        InvalidRequest: if there is no such field, or a value has the wrong type.
-    """
+    """Write a tree of values by field, as read from YAML, into a message, which errors call ``path``."""
     types = message.get_fields_and_field_types()
     if not isinstance(tree, dict):
         raise InvalidRequest(

@@ -17,12 +17,7 @@ class PipedFile:
     full, closing the recording, or even leaving the interpreter, may wait for ever (rerun 0.41). A pipe
     accepts everything. If the file cannot be written, the error is kept and the data is dropped.
 
-    Attributes:
-        name: path of the pipe's end that rerun opens.
-        error: the error of the file, if there was one.
-
-    Args:
-        path: the path of the file.
+    ``name`` is the path of the pipe's end that rerun opens.
 
     Raises:
         OSError: if the file exists or cannot be created.

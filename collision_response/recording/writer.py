@@ -73,12 +73,8 @@ class Recording:
     """What all files of one recording share, so that the viewer shows them together.
 
     Every stream and every blueprint leaves two threads and 1 MB of memory behind (rerun 0.41). So there is
-    one stream for all files, and the blueprint is written once, to a temporary file whose contents are then
-    copied to each file.
-
-    Attributes:
-        stream: the stream of the recording.
-        layout: contents of a file with only the layout of the viewer.
+    one stream for all files, and the blueprint is written once, to a temporary file,
+    whose contents, ``layout``, are copied to each file.
     """
 
     def __init__(self) -> None:

@@ -31,10 +31,6 @@ RESULT_QOS = QoSProfile(
 class AnswerLog:
     """Numbers the answers of all services, and publishes and records them once they are sent.
 
-    Attributes:
-        topics: the resolved names of the topics of the results.
-        recorder: records the answers; ``None``: they are not recorded.
-
     ``now`` returns the time of the node's clock [ns].
     """
 
@@ -86,9 +82,6 @@ class ResultPublisher:
 
     As many results are kept as the depth of the publisher. The first subscriber gets them, even with volatile
     durability. Later subscribers get the last results from DDS, as usual.
-
-    Attributes:
-        topic: the resolved name of the topic.
     """
 
     def __init__(self, node: Node, kind: Any, topic: str) -> None:

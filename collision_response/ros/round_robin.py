@@ -23,13 +23,9 @@ TIME_SLICE = 0.002
 
 @dataclass(slots=True)
 class Job:
-    """The work for one request.
+    """The work for one request: the steps that send its answer, and what sends an error instead.
 
-    Attributes:
-        steps: computes the answer and sends it.
-        send_refusal: sends an error in place of the answer.
-        spent: computing time so far [s].
-        deadline: if it waits: when it stops waiting [s].
+    ``spent`` is its computing time so far [s], ``deadline`` when it stops waiting [s], if it waits.
     """
 
     steps: Steps
@@ -46,10 +42,8 @@ class Job:
 class RoundRobin:
     """The jobs of all clients. Each client's jobs are done in order; the clients take turns.
 
-    Args:
-        over_budget: returns the error with which to end a job that has used this much computing time [s],
-            or ``None`` if it may go on.
-        clock: returns the time [s].
+    ``over_budget`` returns the error with which to end a job that has used this much computing time [s], or
+    ``None`` if it may go on.
     """
 
     def __init__(

@@ -50,17 +50,13 @@ class LatestStates:
     is more than ``MAX_DELAY`` earlier, if no later one has arrived for that time: one wrong clock must not
     shut out the right ones.
 
-    Attributes:
-        received: number of messages received.
-        lost: number of messages that were published but did not arrive.
-        unreadable: number of messages that could not be read.
-        outdated: number of states ignored because the known state was later.
-        evicted: number of bodies forgotten because there were too many.
-        now: returns the time of the node's clock [ns].
+    It counts the messages that were ``received``, ``lost`` on the way or ``unreadable``, the states that were
+    ``outdated`` because the known one was later, and the bodies ``evicted`` because there were too many.
 
     Args:
         max_bodies: number of bodies to remember from single states, and as many from tables. The least
             recently updated bodies are forgotten first.
+        now: returns the time of the node's clock [ns].
         warn: logs a warning, as :class:`ThrottledWarnings` does.
         take_all: called before a look-up, to receive the messages that wait on the subscriptions.
         name_of: returns what warnings call a publisher.
@@ -93,11 +89,7 @@ class LatestStates:
         return sum(table.size for table in self._tables.values())  # as they say: it needs no deserialization
 
     def add(self, message: bytes, info: Any) -> SerializedState | None:
-        """Add a serialized ``BodyState``.
-
-        Returns:
-            The state; ``None`` if it cannot be read or has no name.
-        """
+        """Add a serialized ``BodyState``, and return it; ``None`` if it cannot be read or has no name."""
         publisher = self._count(info, "states", "publish fewer, or publish BodyStates")
         state = self._read(SerializedState, message, publisher)
         if state is None or not state.name:
@@ -215,11 +207,9 @@ class LatestStates:
         self._warn("outdated", text)
 
     def _count(self, info: Any, kind: str, advice: str) -> bytes:
-        """Count a message, and those of the same publisher that were lost since its last one.
+        """Count a message, and those of its publisher lost since the last one, and return the publisher.
 
-        Returns:
-            Identity of the publisher. Empty if rclpy does not give it, as in Jazzy: then losses are not
-            counted.
+        Its identity is empty if rclpy does not give it, as in Jazzy: then losses are not counted.
         """
         self.received += 1
         if "publisher_gid" not in info:
