@@ -240,6 +240,8 @@ IN_AND_OUT_OF_A_PLANE = {
     "little restitution": (BOX, Body.static(), on_floor(0.01, 0.3), 1.0, "REVERSED"),
     "space": (BODY_A, BODY_B, CONTACT, 1.0, "REVERSED"),
     "space, it sticks": (BODY_A, BODY_B, CONTACT._replace(friction=2.0), 0.5, "REVERSED"),
+    "space, little friction": (BODY_A, BODY_B, CONTACT._replace(friction=2e-3), 0.5, "SLIDING"),
+    "space, stiff": (BODY_A, BODY_B, CONTACT._replace(friction=0.1), 1e3, "SLIDING"),
 }
 
 

@@ -37,9 +37,14 @@ integration begins at the time ``t``, when ``F_n = t``, with the first term of t
 
     coefficient = w / (2 s + 4 mu / kappa)        w = q.(b - mu A a)        s = |u_t|
 
-Little friction and fast slip make the equation stiff: ``a`` then lags behind the direction of slip by about
-``mu F_n / (kappa s)`` times the rate at which that turns. ``LEAST_LAG`` lets it lag more, which changes the
-impulse by ``mu F_n dt`` times the lag: little, since ``mu`` is small or the slip hardly turns.
+Little friction, fast slip and stiff springs make the equation stiff: ``a`` then follows the direction ``c``
+of slip with the delay ``tau = mu F_n / (kappa s)``. Where ``tau`` and the rate ``w F_n / s`` at which slip
+turns change little within that time, the spring need not be integrated: the sine of its lag is, to second order,
+
+    tau w F_n / s (1 - g)        g = tau (2 F_n' / F_n - F_n / s (3 c.d + mu q.A q))        d = b - mu A c
+
+Let ``late`` bound ``g``: then ``a`` errs by at most about the lag times ``late^2``, and the impulse by
+``mu F_n dt`` times that. The bound counts it, and also that the spring begins to follow at once.
 
 The rest of the path is straight once ``F_n`` has fallen to ``END F_max``. ``compliant_path.py`` integrates
 what is in between.
@@ -293,9 +298,7 @@ def _start(springs: Springs) -> State:
     w = b2 - mu * A12 - angle * (b1 + mu * (A22 - A11))
     turns = slips & negation((w == 0) & (angle == 0)) & (mu > 0)
     t = choose(turns, lambda: EARLY / square_root(fastest), lambda: o)
-    turned = angle + t * t * w / choose(
-        turns, lambda: 2 * s + 4 * maximum(mu, springs.least_friction(s)) / kappa, lambda: one
-    )
+    turned = angle + t * t * w / choose(turns, lambda: 2 * s + 4 * mu / kappa, lambda: one)
     F = t - (1 - mu * b1) * t * t * t / 6
     P = t * t / 2 - (1 - mu * b1) * t * t * t * t / 24
     a1, a2 = choose(slips, lambda: (one, turned), lambda: (o, o))

@@ -41,9 +41,16 @@ STEP_ROUNDING = 4e-15
 STEPS = 20000
 """Steps at most."""
 
-LEAST_LAG = 2.0**-11
-"""The direction of the spring follows that of the slip as if ``mu / kappa |u_t|`` were at least this: else it
-would take too many steps. The bound counts the difference."""
+LATE = 2.0**-8
+"""A spring whose delay changes by less than this within its delay follows the slip: see "Slip that turns" in
+``compliant.py``."""
+
+NOT_LATE = 2.0**-3, 2.0**-43
+"""A spring whose delay changes by less than the first follows the slip, too, if its force errs by less than the
+second."""
+
+LEAST_SQUARE = 1e-100
+"""The square of a slip speed that counts as 0."""
 
 LEAST_WEIGHT = 1e-9
 """Less friction weighs the error of a direction as much as this: it must stay a direction."""
@@ -87,9 +94,35 @@ class Springs(NamedTuple):
         """The weight ``w`` of errors of ``F`` during slip: see "Error" in ``compliant.py``."""
         return maximum(1 + 0 * self.mu, self.mu * square_root(self.A11 + self.A22))
 
-    def least_friction(self, s: Scalar) -> Scalar:
-        """The friction at the slip speed ``s`` below which the spring turns as if there were this much."""
-        return LEAST_LAG * self.kappa * s
+    def direction(
+        self, F: Scalar, dF: Scalar, u1: Scalar, u2: Scalar, inverse: Scalar
+    ) -> tuple[Scalar, Scalar, Scalar]:
+        """The direction of a spring that follows the slip, and the sine of the angle by which it lags.
+
+        Args:
+            F, dF: the normal force and its rate.
+            u1, u2: the slip.
+            inverse: ``1 / |u_t|``.
+        """
+        mu, c1, c2, turn = self.mu, u1 * inverse, u2 * inverse, F * inverse
+        r1, r2 = mu * (self.A11 * c1 + self.A12 * c2), mu * (self.A12 * c1 + self.A22 * c2)
+        d1, d2 = self.b1 - r1, self.b2 - r2
+        held = mu * (self.A11 + self.A22) - c1 * r1 - c2 * r2
+        delay = mu / self.kappa * inverse
+        change = delay * (2 * dF - turn * F * (3 * (c1 * d1 + c2 * d2) + held))
+        lag = delay * turn * F * (c1 * d2 - c2 * d1) * (1 - change)
+        length = 1 - lag * lag / 2
+        return (c1 + lag * c2) * length, (c2 - lag * c1) * length, lag
+
+    def bends(self) -> Scalar:
+        """1 if slip may leave the plane of the first slip, else 0."""
+        one = 1 + 0 * self.mu
+        is_planar = (self.b2 == 0) & (self.A12 == 0) & (self.v2 == 0) | (self.mu <= 0)
+        return choose(is_planar, lambda: 0 * one, lambda: one)
+
+    def turning(self) -> Scalar:
+        """The rate at which slip of speed 1 turns or slows down under a normal force of 1, at most."""
+        return abs(self.b1) + abs(self.b2) + 2 * self.mu * (self.A11 + self.A22)
 
     def size_of_terms(self, P1: Scalar, P2: Scalar, Pn: Scalar) -> Scalar:
         """The size of the terms that :meth:`velocity` adds up: the unit of its rounding."""
@@ -151,12 +184,45 @@ class Event(NamedTuple):
         return varying_as(0 * self.value, lambda: -self.value / fixed(self.slope))
 
 
+class Following(NamedTuple):
+    """A spring that follows the slip.
+
+    Attributes:
+        a1, a2: its direction.
+        delay: the time by which it lags.
+        late: how much that time, and the rate at which slip turns, change within that time, at most.
+        error: the angle by which its direction is wrong, at most.
+    """
+
+    a1: Scalar
+    a2: Scalar
+    delay: Scalar
+    late: Scalar
+    error: Scalar
+
+    @classmethod
+    def of(cls, springs: Springs, k: Scalar, F: Scalar, *P: Scalar) -> Following:
+        """The spring at a normal force and an impulse."""
+        u1, u2, u_n = springs.velocity(*P)
+        inverse = _inverse_length(u1, u2)
+        a1, a2, lag = springs.direction(F, -k * u_n, u1, u2, inverse)
+        delay = springs.mu * inverse / springs.kappa
+        swing = 2 * F * square_root(k) * (1 + springs.mu * (abs(springs.b1) + abs(springs.b2)))
+        late = delay * (2 * k * abs(u_n) + 3 * F * F * springs.turning() * inverse + swing)
+        # Slip in a plane has no lag, but its derivatives out of the plane do.
+        lag = for_derivatives(abs(lag), lambda: maximum(abs(lag), late))
+        return cls(a1, a2, delay * F, late, lag * late * late)
+
+
 class Motion(NamedTuple):
     """The equations of motion up to the next event.
 
     Attributes:
         springs: the constants.
         slips, unloads: whether the contact slips, not sticks; and unloads, not loads.
+        follows: whether the spring follows the slip.
+        before: the spring as it would follow the slip, at the beginning.
+        missed: how much the impulse changes if it begins to follow.
         k: stiffness of the normal spring.
         share: ``mu k / kappa``.
         terms: the unit of the rounding of ``u``.
@@ -166,6 +232,9 @@ class Motion(NamedTuple):
     springs: Springs
     slips: Condition
     unloads: Condition
+    follows: Condition
+    before: Following
+    missed: Scalar
     k: Scalar
     share: Scalar
     terms: Scalar
@@ -177,19 +246,28 @@ class Motion(NamedTuple):
         one, slips, unloads = 1 + 0 * y.F, y.slips > 0, y.unloads > 0
         k = choose(unloads, lambda: one / (springs.e * springs.e), lambda: one)
         share, terms = springs.mu * k / springs.kappa, springs.size_of_terms(y.P1, y.P2, y.Pn)
-        return cls(springs, slips, unloads, k, share, terms, y.F_max)
+        spring = Following.of(springs, k, y.F, y.P1, y.P2, y.Pn)
+        off = abs(spring.a1 - y.a1) + abs(spring.a2 - y.a2)
+        missed = 2 * springs.mu * y.F * spring.delay * off
+        turns = for_derivatives(springs.bends(), lambda: one) > 0
+        is_exact = (spring.late < NOT_LATE[0]) & (springs.mu * y.F * spring.error < NOT_LATE[1])
+        follows = slips & turns & ((spring.late < LATE) | is_exact)
+        follows = follows & ((off <= spring.late) | (missed <= springs.tolerance))
+        return cls(springs, slips, unloads, follows, spring, missed, k, share, terms, y.F_max)
 
     def rates(self, a1: Scalar, a2: Scalar, F: Scalar, *P: Scalar) -> tuple[Scalar, ...]:
-        """The rates of the first six numbers of a state."""
-        kappa, zero = self.springs.kappa, 0 * F
-        u1, u2, u_n = self.springs.velocity(*P)
-        grip = self.springs.mu * F
-        resistance = maximum(self.springs.mu, self.springs.least_friction(a1 * u1 + a2 * u2)) * F
+        """The rates of the first six numbers of a state; 0 for the direction of a spring that follows."""
+        springs, kappa, zero = self.springs, self.springs.kappa, 0 * F
+        u1, u2, u_n = springs.velocity(*P)
+        grip = springs.mu * F
         w = choose(
             grip > 0,
-            lambda: kappa * (a1 * u2 - a2 * u1) / choose(grip > 0, lambda: resistance, lambda: 1 + zero),
+            lambda: kappa * (a1 * u2 - a2 * u1) / choose(grip > 0, lambda: grip, lambda: 1 + zero),
             lambda: zero,
         )
+        c1, c2, _ = springs.direction(F, -self.k * u_n, u1, u2, _inverse_length(u1, u2))
+        a1, a2 = choose(self.follows, lambda: (c1, c2), lambda: (a1, a2))
+        w = choose(self.follows, lambda: zero, lambda: w)
         forces = choose(self.slips, lambda: (-grip * a1, -grip * a2), lambda: (a1, a2))
         turns = choose(self.slips, lambda: (-w * a2, w * a1), lambda: (-kappa * u1, -kappa * u2))
         return (*turns, -self.k * u_n, *forces, F)
@@ -260,8 +338,11 @@ def step(springs: Springs, y: State) -> State:
 def _try_step(motion: Motion, y: State) -> Trial:
     """One step of the method of ``dormand_prince.py``."""
     one, start = 1 + 0 * y.F, y[:6]
+    follows = motion.follows
+    h = choose(follows, lambda: fixed(_longest_following(motion, y)), lambda: y.h)
+    is_stiff = motion.slips & negation(follows)
     h = for_derivatives(
-        y.h, lambda: fixed(choose(motion.slips, lambda: minimum(y.h, _longest(motion, y)), lambda: y.h))
+        h, lambda: fixed(choose(is_stiff, lambda: minimum(h, _longest(motion, y)), lambda: h))
     )
     slopes: list[tuple[Scalar, ...]] = []
 
@@ -294,9 +375,11 @@ def _accepted(motion: Motion, y: State, trial: Trial, events: list[Event]) -> St
     delay = choose(turns, events[1].delay, lambda: zero)
     delay = choose(switches, events[0].delay, lambda: delay)
     a1, a2, F, P1, P2, Pn = (v + rate * delay for v, rate in zip(end, motion.rates(*end), strict=True))
-    u1, u2, u_n = springs.velocity(P1, P2, Pn)
+    _, _, u_n = springs.velocity(P1, P2, Pn)
     length = choose(slips, lambda: 0.5 * (3 - a1 * a1 - a2 * a2), lambda: one)
-    a1, a2 = a1 * length, a2 * length
+    spring = Following.of(springs, motion.k, F, P1, P2, Pn)
+    follows = motion.follows
+    a1, a2 = choose(follows, lambda: (spring.a1, spring.a2), lambda: (a1 * length, a2 * length))
     # stick <-> slip
     grip = mu * F
     force = square_root(a1 * a1 + a2 * a2)
@@ -314,14 +397,8 @@ def _accepted(motion: Motion, y: State, trial: Trial, events: list[Event]) -> St
     )
     turned = abs(a1 - y.a1) + abs(a2 - y.a2)
     missed = choose(switches | turns, lambda: EVENT * motion.terms, lambda: zero)
-    along, across = a1 * u1 + a2 * u2, abs(a1 * u2 - a2 * u1)
-    excess = springs.least_friction(along) - mu
-    lags = slips & (excess > 0)
-    # the lag is this much greater than that of mu
-    lag = choose(
-        lags, lambda: across * excess / choose(lags, lambda: along * (mu + excess), lambda: one), lambda: zero
-    )
-    missed = missed + mu * maximum(y.F, F) * trial.h * lag
+    error = mu * maximum(y.F, F) * trial.h * maximum(motion.before.error, spring.error)
+    missed = missed + choose(follows, lambda: motion.missed + error, lambda: zero)
     pressed = (y.unloads < 1) & (u_n < springs.velocity(y.P1, y.P2, y.Pn)[2])
     return State(
         b1, b2, F, P1, P2, Pn, now, unloads_now, F_max,
@@ -358,6 +435,19 @@ def _slip_growth(motion: Motion, y: State, h: Scalar, turned: Scalar, w: Scalar)
     return _exponential((push + mu * square_root(k / (springs.kappa * w)) * turned) / 2)
 
 
+def _longest_following(motion: Motion, y: State) -> Scalar:
+    """The next step of a spring that follows the slip: at most one in which slip changes by half."""
+    u1, u2, u_n = motion.springs.velocity(y.P1, y.P2, y.Pn)
+    turn = motion.springs.turning() * _inverse_length(u1, u2)
+    return y.h / (1 + y.h * (2 * y.F_max * turn + square_root(abs(u_n) * turn)))
+
+
+def _inverse_length(u1: Scalar, u2: Scalar) -> Scalar:
+    """``1 / |u|``; huge if u is 0."""
+    square = u1 * u1 + u2 * u2
+    return 1 / square_root(choose(square > LEAST_SQUARE, lambda: square, lambda: LEAST_SQUARE + 0 * square))
+
+
 def _longest(motion: Motion, y: State) -> Scalar:
     """The longest step of slip, for derivatives: the direction of slip is stiff where ``F_n`` is small.
 
@@ -367,7 +457,7 @@ def _longest(motion: Motion, y: State) -> Scalar:
     u1, u2, u_n = springs.velocity(y.P1, y.P2, y.Pn)
     s = abs(u1) + abs(u2)
     force = y.F / (motion.k * abs(u_n))
-    turn = maximum(springs.mu, springs.least_friction(s)) * y.F / (springs.kappa * s)
+    turn = springs.mu * y.F / (springs.kappa * s)
     far = minimum(force / 2, minimum(turn / 2 + force / 100, 3 * turn))
     return choose(y.F > 0, lambda: far, lambda: y.h)
 
