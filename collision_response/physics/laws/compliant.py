@@ -39,7 +39,8 @@ integration begins at the time ``t``, when ``F_n = t``, with the first term of t
 
 Little friction, fast slip and stiff springs make the equation stiff: ``a`` then follows the direction ``c``
 of slip with the delay ``tau = mu F_n / (kappa s)``. Where ``tau`` and the rate ``w F_n / s`` at which slip
-turns change little within that time, the spring need not be integrated: the sine of its lag is, to second order,
+turns change little within that time, the spring need not be integrated: to second order, the sine of its lag
+is
 
     tau w F_n / s (1 - g)        g = tau (2 F_n' / F_n - F_n / s (3 c.d + mu q.A q))        d = b - mu A c
 

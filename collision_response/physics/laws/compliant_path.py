@@ -46,8 +46,8 @@ LATE = 2.0**-8
 ``compliant.py``."""
 
 NOT_LATE = 2.0**-3, 2.0**-43
-"""A spring whose delay changes by less than the first follows the slip, too, if its force errs by less than the
-second."""
+"""A spring whose delay changes by less than the first follows the slip, too, if its force errs by less than
+the second."""
 
 LEAST_SQUARE = 1e-100
 """The square of a slip speed that counts as 0."""
