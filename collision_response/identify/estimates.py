@@ -65,12 +65,8 @@ class Estimate(NamedTuple):
 def estimates(problem: LeastSquares, best: Any, values: Array) -> tuple[dict[str, Estimate], Estimate | None]:
     """Return an estimate of each fitted coefficient, and one of ``friction (1 + restitution)``.
 
-    The second is ``None`` unless the impacts determine this combination but neither factor.
-
-    Args:
-        problem: the least squares problem.
-        best: SciPy's solution of it.
-        values: the fitted coefficients of each resample, one row each; NaN where one has no effect.
+    The second is ``None`` unless the impacts determine this combination but neither factor. ``best`` is
+    SciPy's solution; ``values`` has a row for each resample, with NaN where a coefficient has no effect.
     """
     x, names = best.x, problem.names
     covariance = _variance(problem, best) * np.linalg.pinv(best.jac.T @ best.jac)

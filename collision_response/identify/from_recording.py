@@ -36,16 +36,13 @@ BEFORE_ANSWERS = 0
 def read_impacts(path: Path, within: float) -> Impacts:
     """Read the impacts of a recording.
 
-    Args:
-        path: the recording.
-        within: how long after an impact a state may be received and still be its measurement [s]. Gravity
-            changes the velocity in the meantime. With 0 the node's answers are used as measurements, which
-            gives back the coefficients that the node used.
+    ``within`` is how long after an impact a state may be received and still be its measurement [s]. Gravity
+    changes the velocity in the meantime. With 0 the node's answers are used as measurements, which gives back
+    the coefficients that the node used.
 
     Raises:
-        ImpactError: INVALID_TABLE if the recording has no impacts, or no state that was received within the
-            given time after one of them, or the states of several runs. Other codes as
-            :meth:`~collision_response.identify.Impacts.of`.
+        ImpactError: INVALID_TABLE if the recording has no impacts, no state received in time after one of
+            them, or the states of several runs. Other codes as ``Impacts.of``.
         OSError: if the file cannot be read, or is not a recording of the node.
     """
     try:

@@ -42,17 +42,12 @@ Row = Mapping[str, float]
 def read_rows(path: Path, more: Mapping[str, str]) -> tuple[list[dict[str, float]], list[str]]:
     """Read the numbers of a CSV file: one dictionary per row, by column name. Empty cells are NaN.
 
-    Columns with unknown names are left out; their names are the second part of the result.
-
-    Args:
-        path: the file.
-        more: columns to set in every row: by name, either a number, or the name of a column of the file that
-            has the values.
+    Columns with unknown names are left out; their names are the second part of the result. ``more`` has
+    columns to set in every row: by name, a number, or the name of a column of the file that has the values.
 
     Raises:
         ImpactError: INVALID_TABLE if a cell is not a number or is too long, a needed column appears twice, a
             row has more cells than there are columns, there are no rows, or ``more`` has an unknown column.
-        OSError: if the file cannot be read.
     """
     for name in more:
         if name not in KNOWN:

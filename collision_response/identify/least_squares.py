@@ -86,12 +86,11 @@ def residual_unit(measured: Measurements, kind: str) -> float:
 
 
 class LeastSquares(NamedTuple):
-    """A least squares problem.
+    """A least squares problem, with the arguments of :func:`~collision_response.identify.identify`.
 
     Attributes:
         measured: the impacts that depend on the coefficients.
-        law, given, kind, loss: as for :func:`~collision_response.identify.identify`.
-        names: the coefficients to fit; ``fit`` of :func:`~collision_response.identify.identify`.
+        names: the coefficients to fit.
         unit: unit of the residuals, see :func:`residual_unit`.
         scale: size, in units, from which the loss treats a residual as an outlier. 0: no residual is one, and
             the sum of squares itself is minimised.
@@ -115,9 +114,6 @@ class LeastSquares(NamedTuple):
 
         If the law does not follow an impact to its end (PATH_TOO_LONG), all residuals are so large that no
         search stays there.
-
-        Raises:
-            ImpactError: if the law cannot answer an impact for another reason.
         """
         try:
             return self.measured.residuals(self.law, self.at(x), self.kind).ravel() / self.unit

@@ -16,15 +16,10 @@ MARKERS = "sD^v"
 
 
 def draw(found: Identification, measured: Measurements, path: Path) -> None:
-    """Draw a fit, and write the picture to a file.
+    """Draw a fit to measured impacts, and write the picture to a file, whose suffix gives the format.
 
     The left half shows the predictions over the measurements. The right half shows the coefficients: fits of
     the bootstrap, the best fit with its formal interval, and the fits to other kinds of residuals.
-
-    Args:
-        found: the fit.
-        measured: the impacts to which it was fitted.
-        path: file of the picture. Its suffix gives the format.
 
     Raises:
         ImportError: if matplotlib is not installed.

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import tempfile
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from uuid import uuid4
 
 import numpy as np
@@ -67,6 +67,8 @@ Answer = AnyImpact | Refusal | Gap
 Appearance = tuple[str, bool, bool]
 """Name of a body, whether it appears in a body state (else in an impact), and whether it has no stamp. The
 style of a body is written for each of these combinations, since each has other timelines."""
+BodyStyle = tuple[list[tuple[str, Any]], Columns]
+"""How a body looks, by entity, and its shape, from its first appearance on each timeline."""
 
 
 class Recording:
@@ -135,11 +137,10 @@ class Writer:
             raise UnwritableEntries(unwritable or [*batch]) from error
         for path, times, values in columns:
             self._stream.send_columns(path, indexes=times, columns=values)
-        for appearance, body_style in styles.items():
+        for appearance, (looks, (path, times, shape)) in styles.items():
             self._styled.add(appearance)
-            for path, style in body_style.styles:
-                self._stream.log(path, style, static=True)
-            path, times, shape = body_style.shape
+            for entity, look in looks:
+                self._stream.log(entity, look, static=True)
             self._stream.send_columns(path, indexes=times, columns=shape)
         self._stream.flush(timeout_sec=5.0)
         self.file.check()
@@ -177,13 +178,6 @@ class Writer:
             log(entity, points, static=True)
 
 
-class BodyStyle(NamedTuple):
-    """How a body is drawn, from its first appearance on each timeline."""
-
-    styles: list[tuple[str, Any]]
-    shape: Columns
-
-
 def _style_of(entry: Entry, name: str, body: Body) -> BodyStyle:
     path, colour = body_path(name), None if body.is_movable() else GREY
     style = rr.Points3D.from_fields(radii=POINT_RADIUS, colors=colour, labels=name, show_labels=True)
@@ -191,7 +185,7 @@ def _style_of(entry: Entry, name: str, body: Body) -> BodyStyle:
     shape = [*rr.Points3D.columns(positions=[(0.0, 0.0, 0.0)])]
     if (solid := EquivalentSolid.of(body)) is not None:
         shape += solid.columns()
-    return BodyStyle([(path, style), (velocity_path(name), arrows)], (path, _times([entry]), shape))
+    return [(path, style), (velocity_path(name), arrows)], (path, _times([entry]), shape)
 
 
 def _columns(batch: Sequence[Entry]) -> Iterator[Columns]:
@@ -294,15 +288,14 @@ def regimes(impacts: Sequence[AnyImpact]) -> Iterator[Columns]:
 
 def table(rows: Sequence[Answer]) -> Iterator[Columns]:
     """Columns of the tables: impacts and scenes with request and answer, and refusals."""
-    scenes = [row for row in rows if isinstance(row, SceneRecord)]
-    if scenes:
-        yield SCENES, _times(scenes), scene_columns(scenes)
-    impacts = [row for row in rows if isinstance(row, Record)]
-    if impacts:
-        yield TABLE, _times(impacts), impact_columns(impacts)
-    refusals = [row for row in rows if isinstance(row, Refusal)]
-    if refusals:
-        yield TABLE, _times(refusals), refusal_columns(refusals)
+    tables: dict[type[Answer], tuple[str, Callable[[Any], Any]]] = {
+        SceneRecord: (SCENES, scene_columns),
+        Record: (TABLE, impact_columns),
+        Refusal: (TABLE, refusal_columns),
+    }
+    for kind, (entity, columns_of) in tables.items():
+        if chosen := [row for row in rows if isinstance(row, kind)]:
+            yield entity, _times(chosen), columns_of(chosen)
 
 
 def log(rows: Sequence[Answer]) -> Iterator[Columns]:
