@@ -12,6 +12,7 @@ from enum import IntFlag
 from typing import Any, NamedTuple
 
 from .named_enum import NamedEnum
+from .numbers.operations import of_python
 from .physics.laws import PATHS, STEPPED, Settings
 from .physics.laws import Law as Law
 from .physics.stiffness import METAL_ON_METAL
@@ -271,16 +272,17 @@ def check_number(
         ImpactError: ``code`` or ``not_finite``.
         TypeError: if ``value`` is not a real number: a boolean, a complex number, text or an array.
     """
-    is_truth = type(value).__name__.startswith(("bool", "Masked"))  # also NumPy's bool_ and masked values
+    given, value = value, of_python(value)
+    is_masked = type(value).__name__.startswith("Masked")
     is_number = hasattr(value, "__float__") and not getattr(value, "shape", ())
-    if is_truth or isinstance(value, (complex, str)) or not is_number:
-        raise TypeError(f"{field}: must be a real number, is {value!r}")
+    if is_masked or isinstance(value, (bool, complex, str)) or not is_number:
+        raise TypeError(f"{field}: must be a real number, is {given!r}")
     try:
         finite = math.isfinite(value)
     except OverflowError:  # an integer beyond float64
         finite = False
-    except TypeError:  # an array
-        raise TypeError(f"{field}: must be a real number, is {value!r}") from None
+    except (TypeError, ValueError):  # an array, or a decimal that signals
+        raise TypeError(f"{field}: must be a real number, is {given!r}") from None
     if not finite:
         raise ImpactError(not_finite, field, f"must be finite; is {format_value(value, str)}")
     try:

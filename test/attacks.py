@@ -848,8 +848,17 @@ def kinds_of_number() -> Iterator[FieldValue]:
         Fraction(1, 2),
         Decimal("0.5"),
         np.float16(0.5),
+        np.uint8(1),
+        np.longdouble(0.5),
+        np.array(0.5),
+        np.array(np.float16(0.5)),
+        np.array(Fraction(1, 2), object),
     )
-    others = (True, np.True_, 0.5 + 0j, "0.5", None, [0.5], 10**400, np.array([0.5, 0.25]), object())
+    others = (
+        True, np.True_, np.array(True), 0.5 + 0j, np.complex64(0.5), np.array(0.5j), None, object(),
+        "0.5", np.str_("0.5"), b"1", np.bytes_(b"1"), np.void(b"1"), Decimal("sNaN"), 10**400,
+        np.timedelta64(1, "s"), np.datetime64("2000"), [0.5], np.array([0.5, 0.25]), np.array([0.5]),
+    )  # fmt: skip
     for field in FIELDS:
         for i, value in enumerate((*numbers, *others)):
             yield FieldValue(f"{field}={type(value).__name__} {i}", field, value, i < len(numbers))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import random
+from decimal import Decimal
 from fractions import Fraction as F
 
 import numpy as np
@@ -652,10 +653,20 @@ def test_matrix_entries_beyond_float64_are_refused(number):
         Body.articulated(whole)
 
 
-@pytest.mark.parametrize("wrong", ["3", "x", None, 1j])
+@pytest.mark.parametrize(
+    "wrong", ["3", "x", None, 1j, True, np.True_, np.array(True), Decimal("sNaN"), np.void(b"1")], ids=repr
+)
 def test_matrix_entries_that_are_not_numbers_are_refused(wrong):
     with pytest.raises(TypeError, match=r"^K: "):
         resolve_contact([[wrong, 0, 0], [0, 1, 0], [0, 0, 1]], (0, 0, -1), (0, 0, 1))
+
+
+@pytest.mark.parametrize("number", [np.int8, np.uint8, np.float16, np.longdouble, Decimal, F])
+def test_matrix_entries_may_be_of_any_type(number):
+    """Also of NumPy's integers, whose differences and absolute values overflow."""
+    K = [[127, 100, 0], [100, 127, 0], [0, 0, 1]]
+    found = resolve_contact([list(map(number, row)) for row in K], (0, 0, -1), (0, 0, 1), 0.5, 0.25)
+    assert found == resolve_contact(K, (0, 0, -1), (0, 0, 1), 0.5, 0.25)
 
 
 LENGTHS = [5e-324, 1e-310, 1e-200, 1.0, 1e200, 1e308, 1.7e308]

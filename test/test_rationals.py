@@ -78,6 +78,48 @@ def test_integers_of_numpy_may_have_friction_that_is_a_function(law):
     assert found._replace(contact=None) == expected._replace(contact=None)
 
 
+NORMALS = [(0, 1, 1), (1, 0, 1), (1, 2, 3), (127, 0, 0), (100, 127, 3)]
+
+
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize("integer", [np.int8, np.uint8, np.uint64, np.array])
+@pytest.mark.parametrize("normal", NORMALS)
+def test_friction_that_is_a_function_takes_normals_of_integers_without_a_sign(normal, integer, law):
+    """Minus an unsigned 1 is 255 in NumPy."""
+    body = Body.dynamic(1.0, velocity=(0.5, -1.0, -2.0))
+    found, expected = (
+        resolve(
+            body,
+            FLOOR,
+            Contact.of((0, 0, 0), tuple(map(kind, normal)), 0.5, lambda v: 0.1 * v),
+            ImpactModel(law),
+        )
+        for kind in (integer, float)
+    )
+    assert found._replace(contact=None) == expected._replace(contact=None)
+    assert found.contact.friction == expected.contact.friction
+
+
+@pytest.mark.parametrize("great", [F(10) ** 400, 10**400, Decimal("1e400"), np.longdouble("1e400")], ids=repr)
+@pytest.mark.parametrize("field", ["mass", "inertia", "position", "velocity", "angular_velocity", "com"])
+def test_a_number_beyond_float64_is_refused_next_to_fractions(field, great):
+    """By one impact, by scenes, and by friction that is a function."""
+    value = getattr(BOX, field)
+    body = BOX._replace(**{field: great if field == "mass" else type(value)(great, *value[1:])})
+    calls = {
+        "body_a": lambda: resolve(body, FLOOR, CORNER),
+        "bodies[0]": lambda: resolve_scene(
+            [body, FLOOR], [(0, 1)] * 2, [CORNER, CORNER._replace(position=(0, 0, 0))]
+        ),
+        "body_a ": lambda: resolve(
+            body, FLOOR, CORNER._replace(friction=lambda v: 0.5), ImpactModel(Law.ROUTH_STRONGE)
+        ),
+    }
+    for owner, call in calls.items():
+        with refused(StatusCode.NOT_FINITE, f"{owner.strip()}.{field}"):
+            call()
+
+
 def test_friction_is_evaluated_at_the_slip_speed_of_fractions():
     """A tenth and two tenths, which as floats add up to more than the float for three."""
     speeds = []

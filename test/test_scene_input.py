@@ -214,6 +214,8 @@ def test_models_for_one_contact_are_refused_for_several(model, field):
     [
         ({"threshold": -1}, "threshold"),
         ({"threshold": 1}, "threshold"),
+        ({"threshold": np.float32(1)}, "threshold"),  # which rounds the number below 1 to 1
+        ({"threshold": np.array(np.float16(1))}, "threshold"),
         ({"exponent": 0.5}, "exponent"),
         ({"orders": -1}, "orders"),
         ({"stiffness": [1, 1, 0, 1]}, "stiffness[2]"),

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from .. import validity
 from ..kernels import library
 from ..model import ImpactModel, Precision, check_number
-from ..numbers.operations import Scalar, square_root
+from ..numbers.operations import Scalar, of_python, square_root
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.effective_mass import ContactKinematics
@@ -73,7 +73,7 @@ def initial_slip_speed(body_a: Body, body_b: Body, contact: Contact) -> float:
         ImpactError: OUT_OF_RANGE, if the speed is beyond float64. Others, if the request breaks a rule of
             :mod:`~collision_response.validity`.
     """
-    n_x, n_y, n_z = contact.normal
+    n_x, n_y, n_z = map(of_python, contact.normal)
     try:
         length = math.hypot(n_x, n_y, n_z)
     except OverflowError:  # an integer or a fraction beyond float64

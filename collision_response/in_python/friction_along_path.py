@@ -50,7 +50,8 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     bodies = body_as_fractions(body_a), body_as_fractions(body_b)
     exact_contact = contact_as_fractions(contact)
     plan = plan_model(model)
-    validity.check(*bodies, exact_contact, plan.settings.tangential_restitution)
+    given = body_a, body_b, contact
+    validity.check(*bodies, exact_contact, plan.settings.tangential_restitution, given)
     geometry = geometry_for(model.geometry, *bodies, exact_contact, frictionless=False)
     if not suffices(geometry, *bodies, exact_contact, frictionless=False):
         return None

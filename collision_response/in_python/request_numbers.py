@@ -10,6 +10,7 @@ from numbers import Rational
 from typing import Any
 
 from ..kernels import library
+from ..numbers.operations import of_python
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.inverse_inertia import InverseInertia
@@ -74,9 +75,18 @@ def _fractions(kind: type[Any], numbers: Iterable[Any]) -> Any:
 
 
 def as_fraction(x: Any) -> Any:
-    """Convert a number to a fraction, exactly. An infinite number and NaN stay floats."""
-    if isinstance(x, Rational):
-        return Fraction(int(x.numerator), int(x.denominator))  # those of NumPy's integers overflow
-    number = x.item() if hasattr(x, "item") else x  # of NumPy
-    exact = number if hasattr(number, "as_integer_ratio") else float(number)
-    return Fraction(*exact.as_integer_ratio()) if math.isfinite(exact) else float(exact)
+    """Convert a number to a fraction, exactly. Infinity and NaN stay floats; beyond float64 it is NaN."""
+    number = of_python(x)
+    try:
+        if isinstance(number, Rational):  # of which the parts may be NumPy's integers, which overflow
+            exact = Fraction(int(number.numerator), int(number.denominator))
+        else:
+            number = number if hasattr(number, "as_integer_ratio") else float(number)
+            exact = Fraction(*number.as_integer_ratio())
+    except (OverflowError, ValueError):  # infinite, or NaN
+        return float(number)
+    try:
+        float(exact)
+    except OverflowError:
+        return math.nan
+    return exact

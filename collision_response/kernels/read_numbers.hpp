@@ -26,6 +26,21 @@ static __attribute__((noinline, cold)) bool set_type_error(const std::string& te
   return false;
 }
 
+// Whether an object is a truth value, or something of NumPy that is not one real number: an array, a date, bytes.
+static bool is_no_number(PyObject* o) {
+  if (PyBool_Check(o)) return true;
+  if (!PyObject_CheckBuffer(o)) return false;
+  Py_buffer view;
+  if (PyObject_GetBuffer(o, &view, PyBUF_FULL_RO) != 0) {
+    PyErr_Clear();
+    return true;
+  }
+  const std::string format = view.format ? view.format : "";
+  const bool is_number = view.ndim == 0 && format.find_first_of("?Zswx") == std::string::npos;
+  PyBuffer_Release(&view);
+  return !is_number;
+}
+
 // Read number i from an object that is not exactly a float.
 static __attribute__((noinline, cold)) bool read_other(PyObject* o, const InputBuffer& buffer, int i) {
   double& x = buffer.value[i];
@@ -34,8 +49,8 @@ static __attribute__((noinline, cold)) bool read_other(PyObject* o, const InputB
   if (read_exact_float(o, x)) return true;
   if (buffer.has_fraction && PyObject_TypeCheck(o, python.fraction)) *buffer.has_fraction = true;
   PyNumberMethods* as_number = Py_TYPE(o)->tp_as_number;
-  if (PyBool_Check(o) || std::strncmp(Py_TYPE(o)->tp_name, "numpy.bool", 10) == 0 || PyComplex_Check(o) ||
-      PyUnicode_Check(o) || !as_number || !(as_number->nb_float || as_number->nb_index))
+  if (is_no_number(o) || PyComplex_Check(o) || PyUnicode_Check(o) || !as_number ||
+      !(as_number->nb_float || as_number->nb_index))
     return refuse();
   PyObject* number = as_number->nb_float ? PyNumber_Float(o) : PyNumber_Index(o);
   if (number && !PyFloat_Check(number)) Py_SETREF(number, PyNumber_Float(number));

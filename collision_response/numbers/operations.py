@@ -204,6 +204,15 @@ def minimum(x: Scalar, y: Scalar) -> Scalar:
     return choose(y < x, lambda: y, lambda: x)
 
 
+def of_python(x: Any) -> Any:
+    """Return a number of NumPy as one of Python, and anything else as it is.
+
+    NumPy's integers overflow, and a comparison with one of its numbers first rounds the other side.
+    """
+    is_number = getattr(x, "shape", None) == () and not type(x).__name__.startswith("Masked")
+    return x.item() if is_number else x
+
+
 def all_of(conditions: Iterable[Condition]) -> Condition:
     """Whether all conditions hold."""
     return reduce(operator.and_, conditions)

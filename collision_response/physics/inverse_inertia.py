@@ -21,7 +21,7 @@ from collections.abc import Iterable
 from functools import reduce
 from typing import Any, NamedTuple
 
-from ..numbers.operations import Condition, Scalar, all_of, choose, maximum, negation, square_root
+from ..numbers.operations import Condition, Scalar, all_of, choose, maximum, negation, of_python, square_root
 from ..status import ImpactError, StatusCode
 from .tensor import Symmetric3
 from .vector import Vec3
@@ -160,16 +160,18 @@ def _flat(matrix: Iterable[Any]) -> list[Any]:
     """The numbers of a matrix given by rows, or by one flat sequence."""
     if not isinstance(matrix, Iterable):
         raise TypeError(f"inverse_inertia: must be 6 x 6 numbers, is {matrix!r}")
-    return [x for row in matrix for x in (row if isinstance(row, Iterable) else (row,))]
+    return [of_python(x) for row in matrix for x in (row if isinstance(row, Iterable) else (row,))]
 
 
 def _is_finite(x: Any) -> bool:
     try:
-        return math.isfinite(x)
+        if not isinstance(x, bool):
+            return math.isfinite(x)
     except OverflowError:  # an integer or a fraction beyond the range of floats
         return False
-    except TypeError:
-        raise TypeError(f"inverse_inertia: must be real numbers, one is {x!r}") from None
+    except (TypeError, ValueError):  # ValueError: a decimal that signals
+        pass
+    raise TypeError(f"inverse_inertia: must be real numbers, one is {x!r}")
 
 
 def _error(code: StatusCode, reason: str) -> ImpactError:
