@@ -215,7 +215,7 @@ def test_two_particles_have_no_inertia_about_their_line_in_any_axes(law, precisi
         assert impact.change_a.angular == pytest.approx(expected.change_a.angular, **allowed)
 
 
-@pytest.mark.parametrize("precision", [Precision.DOUBLE, Precision.EXTENDED])
+@pytest.mark.parametrize("precision", [Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED])
 def test_a_rod_that_turns_across_its_axis_has_no_massless_spin(precision):
     """The spins are exactly perpendicular to the rods. Turning them into body axes adds rounding."""
     contact, model = CONTACT._replace(restitution=0.5), ImpactModel(precision=precision)

@@ -47,6 +47,7 @@ from ..numbers.operations import (
     all_zero,
     certain,
     choose,
+    error_of,
     given_roundoff,
     maximum,
     negation,
@@ -123,8 +124,8 @@ class BodyAtContact(NamedTuple):
     def has_massless_spin(self) -> Condition:
         """Whether ``massless_spin`` is more than rounding makes of other spin."""
         massless, effective = self.massless_spin, self.effective_spin
-        rounding = 2 * ROUNDINGS * given_roundoff(massless.x)
-        return massless.dot(massless) > rounding * rounding * effective.dot(effective)
+        rounding, error = 2 * ROUNDINGS * given_roundoff(massless.x), sum(map(error_of, massless))
+        return massless.dot(massless) > rounding * rounding * effective.dot(effective) + error * error
 
     def velocity_from_spin(self) -> Vec3:
         """Velocity of the material at the contact point relative to the reference point [m/s]."""
