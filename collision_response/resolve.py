@@ -235,19 +235,18 @@ def _resolve_reduced(body_a: Body, body_b: Body, contact: Contact, model: Impact
     left_out = (left_out + unknown) / (1 - unknown) * (1 + 2.0**-40) if unknown < 1 else math.inf
     bound = max(reduced.error_bound, left_out)
     try:
-        return reduced._replace(
-            status=reduced.status if bound <= plan_model(model).bound_limit else TOLERANCE_NOT_MET,
-            twist_a=_twist_after(body_a, reduced.change_a),
-            twist_b=_twist_after(body_b, reduced.change_b),
-            kinetic_energy_before=full.kinetic_energy_before,
-            kinetic_energy_after=full.kinetic_energy_before
-            + reduced.kinetic_energy_after
-            - reduced.kinetic_energy_before,
-            error_bound=bound,
-            adjustments=reduced.adjustments | (full.adjustments & BODY_ADJUSTMENTS),
-        )
+        energy_before = float(full.kinetic_energy_before)
     except OverflowError:  # a fraction beyond float64
         raise library.refusal(StatusCode.OUT_OF_RANGE) from None
+    return reduced._replace(
+        status=reduced.status if bound <= plan_model(model).bound_limit else TOLERANCE_NOT_MET,
+        twist_a=_twist_after(body_a, reduced.change_a),
+        twist_b=_twist_after(body_b, reduced.change_b),
+        kinetic_energy_before=energy_before,
+        kinetic_energy_after=energy_before + (reduced.kinetic_energy_after - reduced.kinetic_energy_before),
+        error_bound=bound,
+        adjustments=reduced.adjustments | (full.adjustments & BODY_ADJUSTMENTS),
+    )
 
 
 def _twist_after(body: Body, change: Twist) -> Twist:
