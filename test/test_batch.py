@@ -516,6 +516,35 @@ def test_empty_chunks_are_left_out(cuts):
     )
 
 
+@pytest.mark.parametrize("of_contacts", [("bodies", "contacts"), ("contacts", "pairs")])
+@pytest.mark.parametrize("lazy", [(True, False), (False, True), (True, True)])
+@pytest.mark.parametrize("chunks", [(50, 50), (50, 100), (N, N)])
+def test_chunks_of_unknown_length_must_be_those_of_every_contact(chunks, lazy, of_contacts):
+    """They hold the contacts that a condition chose. If only some arrays have them, another one is named."""
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
+    given = {"bodies": bodies, "contacts": contacts}
+    if "pairs" in of_contacts:
+        given["bodies"] = bodies.reshape(len(bodies), -1)
+        given["pairs"] = np.array([range(N), range(N, 2 * N)])
+    chosen = np.arange(N) % 3 > 0
+    known = given | {name: given[name][..., chosen] for name in of_contacts}
+    unknown = {
+        name: da.from_array(given[name], chunks=(*given[name].shape[:-1], size))[
+            ..., da.from_array(chosen, chunks=size)
+        ]
+        for name, size, is_lazy in zip(of_contacts, chunks, lazy, strict=True)
+        if is_lazy
+    }
+    if all(lazy) and chunks[0] == chunks[1]:
+        result = resolve_batch(**known | unknown)
+        assert_same(
+            map_arrays(lambda array: array.compute(scheduler="synchronous"), result), resolve_batch(**known)
+        )
+    else:
+        with pytest.raises(ValueError, match=r"^(bodies|contacts|pairs): must have the chunks of "):
+            resolve_batch(**known | unknown)
+
+
 @pytest.mark.parametrize("make", [np.asarray, array_api_strict.asarray, da.asarray])
 @pytest.mark.parametrize(
     ("changes", "name"),

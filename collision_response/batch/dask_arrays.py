@@ -58,13 +58,24 @@ def resolve_lazily(
         None if pairs is None else _without_memory(pairs, n),
     )
     chunks = {"bodies": bodies, "contacts": contacts, "pairs": pairs}[chunked].chunks[-1]
+
+    def divided(name: str, array: Any) -> Any:
+        """Divide an array along its last axis."""
+        try:
+            whole = array.rechunk({**dict.fromkeys(range(array.ndim - 1), -1), array.ndim - 1: chunks})
+        except ValueError:  # it has other chunks, and not all lengths are known; Dask names no array
+            reason = (
+                f"must have the chunks of {chunked}: call compute_chunk_sizes() of those of unknown length"
+            )
+            raise ValueError(f"{name}: {reason}") from None
+        return whole.to_delayed().ravel()
+
+    contact_chunks = divided("contacts", contacts)
     if pairs is None:
-        body_chunks = bodies.rechunk({0: -1, 1: -1, 2: chunks}).to_delayed().ravel()
-        pair_chunks = [None] * len(chunks)
+        body_chunks, pair_chunks = divided("bodies", bodies), [None] * len(chunks)
     else:
         body_chunks = [bodies.rechunk(-1).to_delayed().item()] * len(chunks)
-        pair_chunks = pairs.rechunk({0: -1, 1: chunks}).to_delayed().ravel()
-    contact_chunks = contacts.rechunk({0: -1, 1: chunks}).to_delayed().ravel()
+        pair_chunks = divided("pairs", pairs)
     results = [
         delayed(resolve, pure=True)(b, c, model, pairs=p, report=report, workers=workers)
         for b, c, p in zip(body_chunks, contact_chunks, pair_chunks, strict=True)
