@@ -1,5 +1,6 @@
 """The gradient of an impact by reverse-mode JAX: the formula runs on arrays as it does on floats.
 
+    pip install jax    # or run all examples: make examples
     python examples/gradient_by_jax.py
 
 Use this if your optimisation is written in JAX. Otherwise `differentiate` of `collision_response.derivatives`
