@@ -45,7 +45,7 @@ from collision_response import (
     StatusCode,
     resolve,
 )
-from collision_response.batch import resolve_batch, resolve_scenes
+from collision_response.batch import BatchResult, resolve_batch, resolve_scenes
 from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.impact import impact
 from collision_response.kernels import library
@@ -625,6 +625,28 @@ def test_results_that_cannot_be_written_are_named(field):
     getattr(out, field).flags.writeable = False
     with pytest.raises(ValueError, match=f"^out.{field}: must be writable, is read-only"):
         resolve_batch(bodies, contacts, report=True, out=out)
+
+
+NO_RESULTS = {
+    "nothing": lambda array: None,
+    "a list": lambda array: array.tolist(),
+    "a number": lambda array: array.dtype.type(0),
+    "no axis": lambda array: np.zeros((), array.dtype),
+    "one too few": lambda array: array[..., 1:],
+    "another type": lambda array: array.astype(np.int16),
+}
+
+
+@pytest.mark.parametrize("wrong", NO_RESULTS)
+@pytest.mark.parametrize("field", BatchResult._fields)
+def test_an_array_of_out_that_does_not_fit_is_named(field, wrong):
+    """Of any kind: kernels that read its memory unchecked would crash."""
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
+    model = ImpactModel(tolerance=1e-6)
+    out = resolve_batch(bodies, contacts, model, report=True)
+    given = NO_RESULTS[wrong](getattr(out, field))
+    with pytest.raises(ValueError, match=r"^out\.\w+: must be "):
+        resolve_batch(bodies, contacts, model, report=True, out=out._replace(**{field: given}))
 
 
 def test_results_may_lie_between_each_other_in_memory():

@@ -19,12 +19,12 @@ struct Array {
     PyErr_Clear();
     return false;
   }
-  // Whether the elements are of a type, by its format character, and the array has a shape.
+  // Whether there is an array whose elements are of a type, by its format character, and which has a shape.
   bool has(char format, std::initializer_list<Py_ssize_t> shape) const {
-    return *view.format == format && !view.format[1] && view.ndim == static_cast<int>(shape.size()) &&
+    return is_open() && *view.format == format && !view.format[1] && view.ndim == static_cast<int>(shape.size()) &&
            std::equal(shape.begin(), shape.end(), view.shape);
   }
-  bool has_int64() const { return view.itemsize == 8 && (*view.format == 'l' || *view.format == 'q'); }
+  bool has_int64() const { return is_open() && view.itemsize == 8 && (*view.format == 'l' || *view.format == 'q'); }
   bool is_open() const { return view.obj; }
   template <class T = char> T* at(Py_ssize_t index = 0) const { return static_cast<T*>(view.buf) + index; }
   char* row(Py_ssize_t index) const { return at(index * view.shape[view.ndim - 1] * view.itemsize); }
