@@ -252,7 +252,8 @@ def _check_out(request: BatchRequest, n: int, out: BatchResult) -> None:
     fields = request.plan.result_fields(n, out.regime is not None)
     for name, array, expected in zip(BatchResult._fields, out, fields, strict=True):
         found = (array.shape, array.dtype) if isinstance(array, np.ndarray) else array
-        if found != expected:
+        fits = found == expected if isinstance(found, tuple) else found is expected
+        if not fits:
             raise ValueError(f"out.{name}: must be {_described(expected)}, is {_described(found)}")
         if array is not None and not array.flags.writeable:
             raise ValueError(f"out.{name}: must be writable, is read-only")
