@@ -794,6 +794,20 @@ def test_bad_input_is_refused_by_name(change, code, field):
         differentiate(**request)
 
 
+@pytest.mark.parametrize("wrong", [None, 1, "abc", (), (1.0, 2.0), [], Law.COULOMB, math.sin], ids=repr)
+@pytest.mark.parametrize("argument", ["body_a", "body_b", "contact", "model"])
+def test_arguments_of_wrong_types_are_refused_by_name(argument, wrong):
+    request = {"body_a": BODY_A, "body_b": BODY_B, "contact": CONTACT, "model": ImpactModel()}
+    with pytest.raises(TypeError, match=f"^{argument}: must be "):
+        differentiate(**request | {argument: wrong})
+
+
+@pytest.mark.parametrize("wrong", [None, 1, [[]], [{}], math.sin], ids=repr)
+def test_what_holds_no_names_is_refused(wrong):
+    with pytest.raises(TypeError, match=r"^with_respect_to: must be names of parameters, is "):
+        differentiate(BODY_A, BODY_B, CONTACT, with_respect_to=wrong)
+
+
 @pytest.mark.parametrize("first", ["contact.friction", "body_a.velocity", "body_b.inertia"])
 @pytest.mark.parametrize("between", [(), ("contact.normal",), ("contact.normal", "body_a.mass")])
 def test_a_repeated_name_is_refused(first, between):

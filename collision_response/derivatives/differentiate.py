@@ -150,8 +150,13 @@ def differentiate(
             coefficient is a function, INVALID_MODEL if the geometry is another one or a name is not in
             :data:`PARAMETERS` or there twice, INVALID_INERTIA if a body is articulated, OUT_OF_RANGE if a
             derivative is beyond float64 or the path of COMPLIANT has too many steps.
+        TypeError: as :func:`~collision_response.resolve`, or if ``with_respect_to`` does not hold names.
     """
-    directions, columns = _unit_directions(tuple(with_respect_to))
+    try:
+        directions, columns = _unit_directions(tuple(with_respect_to))
+    except TypeError:  # it is not iterable, or holds lists
+        reason = f"must be names of parameters, is {format_value(with_respect_to)}"
+        raise TypeError(f"with_respect_to: {reason}") from None
     check_coefficients(contact)
     impact = resolve(body_a, body_b, contact, model)
     if model.geometry not in (Geometry.AUTO, Geometry.SPATIAL):
@@ -183,7 +188,7 @@ def check_coefficients(contact: Contact) -> None:
         ImpactError: INVALID_COEFFICIENT.
     """
     for name in ("restitution", "friction"):
-        if callable(getattr(contact, name)):
+        if callable(getattr(contact, name, None)):  # resolve() refuses what is not a Contact
             reason = "must be a number for derivatives: multiply the derivative by the slope of the function"
             raise ImpactError(StatusCode.INVALID_COEFFICIENT, f"contact.{name}", reason)
 
