@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from decimal import Decimal
+from fractions import Fraction as F
 from pathlib import Path
 
 import pytest
@@ -19,7 +21,7 @@ from collision_response.identify.__main__ import main
 from collision_response.identify.from_table import impacts_from_rows, read_rows
 from collision_response.identify.measurements import BODY, CONTACT
 from collision_response.identify.plot import draw
-from collision_response.physics.vector import Vec3
+from collision_response.physics.vector import ZERO, Vec3
 from collision_response.recording import BodyRecord, Record, Recorder
 
 SOLVED = 1e-6
@@ -468,6 +470,46 @@ def test_other_types_are_refused_by_name(argument, other):
     first, second = given.values(), (given | {argument: other}).values()
     with pytest.raises(TypeError, match=rf"^impacts\[1\]\.{argument}: must be a (Body|Contact|Twist), is "):
         Impacts.of(*zip(first, second, strict=True))
+
+
+@pytest.mark.parametrize(
+    "wrong", [None, "x", True, 1j, [1.0], np.array(True), np.timedelta64(1, "s")], ids=repr
+)
+@pytest.mark.parametrize(
+    ("argument", "field"),
+    [
+        ("body_a", "velocity"),
+        ("body_b", "mass"),
+        ("contact", "normal"),
+        ("after_a", "linear"),
+        ("after_b", "angular"),
+    ],
+)
+def test_what_is_no_number_is_refused_with_the_number_of_the_impact(argument, field, wrong):
+    ball = Body.dynamic(1.0, velocity=(0.0, 0.0, -1.0))
+    still, touch = Twist(ZERO, ZERO), Contact.of((0, 0, 0), (0, 0, 1))
+    given = {
+        "body_a": ball,
+        "body_b": Body.dynamic(1.0),
+        "contact": touch,
+        "after_a": still,
+        "after_b": still,
+    }
+    part = given[argument]
+    value = wrong if field == "mass" else Vec3(0.0, 0.0, wrong)
+    second = given | {argument: part._replace(**{field: value})}
+    with pytest.raises(TypeError, match=rf"^impacts\[1\]\.{argument}\.{field}.*: must be a real number, is "):
+        Impacts.of(*zip(given.values(), second.values(), strict=True))
+
+
+@pytest.mark.parametrize("nan", [math.nan, np.float32("nan"), np.longdouble("nan"), Decimal("nan")], ids=repr)
+@pytest.mark.parametrize("great", [10**400, F(10) ** 400, Decimal("1e400"), np.longdouble("1e400")], ids=repr)
+def test_a_measurement_beyond_float64_is_refused_and_a_missing_one_is_nan(great, nan):
+    ball, touch = Body.dynamic(1.0, velocity=(0.0, 0.0, -1.0)), Contact.of((0, 0, 0), (0, 0, 1))
+    found = Impacts.of([ball], [Body.static()], [touch], [Twist(Vec3(0, 0, nan), ZERO)], [Twist(ZERO, ZERO)])
+    assert np.isnan(found.after).sum() == 1
+    with refused(StatusCode.NOT_FINITE, "impacts[0].after_a.linear"):
+        Impacts.of([ball], [Body.static()], [touch], [Twist(Vec3(0, nan, great), ZERO)], [Twist(ZERO, ZERO)])
 
 
 def test_an_invalid_impact_is_refused_with_its_number():

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -15,10 +16,11 @@ import numpy as np
 from ..batch import body_rows, contact_rows, resolve_batch
 from ..body_conversions import com_in_world_axes, orientation_of, with_com_as_reference
 from ..in_python.request_numbers import read_request
-from ..model import Geometry, ImpactModel, Law
+from ..model import Geometry, ImpactModel, Law, check_number
+from ..numbers.operations import of_python
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
-from ..physics.vector import Vec3
+from ..physics.vector import Vec3, as_vector
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
 
@@ -249,6 +251,8 @@ def _read_request(field: str, body_a: Body, body_b: Body, contact: Contact) -> t
         resolve(body_a, body_b, contact)
     except ImpactError as error:
         raise error.within(field) from None
+    except TypeError as error:
+        raise TypeError(f"{field}.{error}") from None
     for name, body in (("body_a", body_a), ("body_b", body_b)):
         if body.is_articulated():
             reason = "is of a mechanism: give rigid bodies"
@@ -257,14 +261,20 @@ def _read_request(field: str, body_a: Body, body_b: Body, contact: Contact) -> t
 
 
 def _read_twist(field: str, body: Body, twist: Twist) -> Twist:
-    """Return a measured twist with floats. That of a movable body must be finite, or NaN: not measured."""
+    """Return a measured twist with floats. That of an immovable body has no effect."""
     if not isinstance(twist, Twist):
         raise TypeError(f"{field}: must be a Twist, is {twist!r}")
-    for name, vector in zip(twist._fields, twist, strict=True):
-        if body.is_movable() and any(map(math.isinf, vector)):
-            reason = f"must be finite, or NaN where nothing was measured; is {tuple(vector)}"
-            raise ImpactError(StatusCode.NOT_FINITE, f"{field}.{name}", reason)
-    return Twist(*(Vec3(*map(float, vector)) for vector in twist))
+    if not body.is_movable():
+        return twist
+    parts = zip(twist._fields, twist, strict=True)
+    return Twist(*(_read_vector(f"{field}.{name}", vector) for name, vector in parts))
+
+
+def _read_vector(field: str, vector: Sequence[Any]) -> Vec3:
+    """Return a measured vector with floats. Each is finite, or NaN: not measured."""
+    finite = partial(check_number, field, least=-math.inf, most=math.inf, code=StatusCode.NOT_FINITE)
+    numbers = map(of_python, as_vector(field, vector))
+    return Vec3(*(math.nan if x != x else finite(x) for x in numbers))
 
 
 def _write_body(column: Array, after: Array, root: Array, body: Body, twist: Twist) -> None:
