@@ -73,7 +73,9 @@ def _rational_root(x: Fraction) -> Fraction:
     return Fraction(math.isqrt((x.numerator << 2 * scale) // x.denominator), 1 << scale)
 
 
-def iterate(state: T, going: Callable[[T], Condition], step: Callable[[T], T], budget: int) -> T:
+def iterate(
+    state: T, going: Callable[[T], Condition], step: Callable[[T], T], budget: int, *, rounded: bool = False
+) -> T:
     """Repeat ``state = step(state)`` while ``going(state)`` holds, at most ``budget`` times.
 
     Args:
@@ -81,6 +83,7 @@ def iterate(state: T, going: Callable[[T], Condition], step: Callable[[T], T], b
         going: whether to go on from a state.
         step: computes the next state.
         budget: the largest number of steps.
+        rounded: whether pairs of floats may be rounded to floats in the loop. The formula then counts that.
 
     A loop drops the errors that numbers carry. A formula that uses a loop must add the error of its result
     with :func:`widened`.
@@ -96,7 +99,7 @@ def iterate(state: T, going: Callable[[T], Condition], step: Callable[[T], T], b
             continue
         loop = getattr(go_on, "loop", None)
         if loop is not None:
-            return loop(state, going, step, budget)
+            return loop(state, going, step, budget, rounded)
         if not _any(go_on):
             break
         state = _where_going(go_on, step(state), state)

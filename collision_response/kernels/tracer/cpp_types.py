@@ -81,10 +81,12 @@ def types_in_loop(
     else REPORT.
     """
     loop: Loop = tape.nodes[index].value
-    nodes, least = loop.tape.nodes, least_type_in_loops(tape)
+    nodes, least = loop.tape.nodes, least_type_in_loop(tape, loop)
     state_types = [least for _ in loop.state_after]
     for part in _parts(tape, types, index):
         state_types[tape.nodes[part].value] = max(least, min(types[part], CppType.VALUE))
+    if is_rounded(tape, loop):
+        return needed_types(loop.tape, [(i, least) for i in (loop.condition, *loop.state_after)]), state_types
     while True:
         wanted = zip(loop.state_after, state_types, strict=True)
         body_types = needed_types(loop.tape, [(loop.condition, least), *wanted])
@@ -101,9 +103,14 @@ def types_in_loop(
     return body_types, state_types
 
 
-def least_type_in_loops(tape: Tape) -> CppType:
+def least_type_in_loop(tape: Tape, loop: Loop) -> CppType:
     """Return the type of a number in a loop whose derivatives are not needed."""
-    return CppType.REPORT if tape.of_derivatives else CppType.VALUE
+    return CppType.REPORT if tape.of_derivatives or loop.rounded else CppType.VALUE
+
+
+def is_rounded(tape: Tape, loop: Loop) -> bool:
+    """Whether all numbers in a loop have the type REPORT."""
+    return loop.rounded and not tape.of_derivatives
 
 
 def _sources(node: Node) -> tuple[int, ...]:

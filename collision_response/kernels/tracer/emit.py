@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from itertools import groupby
 
 from .branches import ALWAYS, Guard, compute_guards, without_negation
-from .cpp_types import CppType, least_type_in_loops, needed_types, types_in_loop
+from .cpp_types import CppType, least_type_in_loop, needed_types, types_in_loop
 from .simd_pairs import PAIR
 from .symbol import CONDITIONS, CONSTANTS, Loop, Node, Symbol, Tape
 
@@ -279,7 +279,7 @@ class _TapeWriter:
         node, name = self.tape.nodes[index], f"{self.prefix}{index}"
         loop: Loop = node.value
         body_types, state_types = types_in_loop(self.tape, self.types, index)
-        least = least_type_in_loops(self.tape)
+        least = least_type_in_loop(self.tape, loop)
         condition_types = needed_types(loop.tape, [(loop.condition, least)])
         types = dict.fromkeys(body_types, least) if self.tape.of_derivatives else body_types
         body = _TapeWriter(loop.tape, types, f"{name}_body", self.inputs, self, {})
@@ -287,7 +287,7 @@ class _TapeWriter:
             yield f"{name}_{i} = {self.use(arg, state_types[i])};"
         yield f"for (int iteration = 0; iteration < {loop.budget}; ++iteration) {{"
         for i in range(len(node.args)):
-            read = f"report({name}_{i})" if self.tape.of_derivatives else f"{name}_{i}"
+            read = f"report({name}_{i})" if least is CppType.REPORT else f"{name}_{i}"
             state = f"state_{body.prefix}{i}"
             yield f"  const {_SPELLING[least]} {state} = {read}; (void){state};"
         # The condition first: after the last iteration the rest of the body is not needed.
@@ -304,7 +304,8 @@ class _TapeWriter:
             if self.tape.of_derivatives:
                 yield f"  {name}_{i}{'.value' if state_types[i] > least else ''} = {new};"
             else:
-                yield f"  {name}_{i} = choose({name}_continues, {new}, {name}_{i});"
+                lifted = f"lifted<{_SPELLING[state_types[i]]}>({new})" if loop.rounded else new
+                yield f"  {name}_{i} = choose({name}_continues, {lifted}, {name}_{i});"
         yield "}"
 
     def unguarded_lines(self, indices: Iterable[int]) -> Iterable[str]:

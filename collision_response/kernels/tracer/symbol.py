@@ -76,12 +76,14 @@ class Loop(NamedTuple):
         condition: index on that tape of the condition under which there is another iteration.
         state_after: indices on that tape of the state after the iteration.
         budget: the largest number of iterations.
+        rounded: whether its numbers are rounded to floats.
     """
 
     tape: Tape
     condition: int
     state_after: tuple[int, ...]
     budget: int
+    rounded: bool
 
     def outer(self) -> list[int]:
         """Indices on the parent tape of the numbers that the loop reads from there."""
@@ -263,7 +265,9 @@ class Symbol:
         """``if_true`` where the condition holds, else ``if_false``."""
         return apply("select", condition, if_true, if_false)
 
-    def loop(self, state: Any, going: Callable[[Any], Any], step: Callable[[Any], Any], budget: int) -> Any:
+    def loop(
+        self, state: Any, going: Callable[[Any], Any], step: Callable[[Any], Any], budget: int, rounded: bool
+    ) -> Any:
         """The state after a loop that starts with ``state``. This symbol is ``going(state)``."""
         if self.is_constant and not self.node.value:
             return state
@@ -274,7 +278,7 @@ class Symbol:
         condition = body.symbol(going(inside)).index
         state_after = tuple(x.index for x in body.symbols(step(inside)))
         args = tuple(tape.symbol(x).index for x in initial)
-        loop = tape.add(Node("loop", args, Loop(body, condition, state_after, budget))).index
+        loop = tape.add(Node("loop", args, Loop(body, condition, state_after, budget, rounded))).index
         return rebuilt(state, (tape.add(Node("part", (loop,), i)) for i in range(len(initial))))
 
     __add__, __radd__ = _binary("add"), _reflected("add")

@@ -62,7 +62,7 @@ from ..effective_mass import ContactKinematics
 from .contact_frame import ContactFrame, Tangential
 from .law import Coefficients, Law, Outcome, Regime
 from .routh_error import InputErrors, path_error
-from .routh_path import Path, turn
+from .routh_path import Path, TurningSlip, turn
 from .routh_straight import (
     FirstSlip,
     Ray,
@@ -88,6 +88,9 @@ COARSEST = 4e-9
 GREATEST_FRICTION = 1e100
 """More friction counts as this: slip stops within 1e-100 of its impulse. The error bound includes the
 difference."""
+
+ROUNDING = 2.0**-53
+"""Relative rounding of the data of the path where slip turns."""
 
 LEAST_RESTITUTION = 1e-140
 """Less restitution returns nothing that counts."""
@@ -125,6 +128,7 @@ def routh(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     ray = ray_from_rest(path, mu)
     first = first_slip(path, ray, slip, speed)
     y = turn(path, *first[:4])
+    e_A, e_b, e_slip = _with_rounding(path, first.s, y, e_A, e_b, e_slip)
     rest = straight_rest(path, ray, first, y)
     P1, P2, kink = tangential_impulse(path, ray, first, y, rest)
     p = rest.p + kink
@@ -154,6 +158,15 @@ def routh(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
         heat * (speed * j),
         unfinished=y.excess_turn > 0,
     )
+
+
+def _with_rounding(
+    path: Path, s: Scalar, y: TurningSlip, e_A: Scalar, e_b: Scalar, e_slip: Scalar
+) -> tuple[Scalar, Scalar, Scalar]:
+    """The errors of ``A``, ``b`` and the slip ``s`` if these were rounded to floats where slip turned."""
+    unit = choose(certain(y.slip_error) > 0, lambda: ROUNDING + 0 * s, lambda: 0 * s)
+    b = abs(path.b1) + abs(path.b2)
+    return e_A + 2 * unit * (path.A11 + path.A22), e_b + unit * b, e_slip + 2 * unit * s
 
 
 def _regime_at_end(ray: Ray, first: FirstSlip, rest: StraightRest) -> Scalar:

@@ -166,7 +166,7 @@ def turn(path: Path, t1: Scalar, t2: Scalar, s: Scalar, u_n: Scalar) -> TurningS
     )  # fmt: skip
     exact = path._replace(c=certain(c), m=certain(m))
     y = look_ahead(exact, values(start))
-    return iterate(y, lambda y: y.excess_turn > 0, lambda y: step(exact, y), STEPS)
+    return iterate(y, lambda y: y.excess_turn > 0, lambda y: step(exact, y), STEPS, rounded=True)
 
 
 def look_ahead(path: Path, y: TurningSlip) -> TurningSlip:
