@@ -16,7 +16,16 @@ from bounded import ROUNDING, Bounded
 from mpmath import mp
 from oracle.laws import impulse
 
-from collision_response import Body, Contact, ImpactError, ImpactModel, Precision, StatusCode, resolve
+from collision_response import (
+    Body,
+    Contact,
+    ImpactError,
+    ImpactModel,
+    Precision,
+    StatusCode,
+    resolve,
+    resolve_contact,
+)
 from collision_response.in_python import arbitrary_precision
 from collision_response.physics.effective_mass import ContactNumbers
 from collision_response.physics.laws import Coefficients, Law, Outcome, Settings
@@ -183,6 +192,30 @@ def test_impulse_and_bound(family, law):
         assert plain.energy_lost_friction >= 0
         if law is Law.ROUTH_STRONGE:
             assert plain.energy_lost_restitution >= 0
+    assert compared >= 1
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("family", ["space", "grazing", "slow", "jammed"])
+def test_the_bound_of_more_digits_covers_steps_in_floats(family, law):
+    """EXTENDED follows slip that turns in floats, and only the rest of the path in 32 digits."""
+    make, frictions = FAMILIES[family]
+    draw, compared = random.Random(family), 0
+    for _ in range(3):
+        problem = make(draw)
+        e, mu = draw.choice([0.0, 0.5, 1.0]), draw.choice(frictions)
+        try:
+            P, _ = oracle(law, problem, e, mu)
+        except ArithmeticError:  # two roots of the oracle coincide
+            continue
+        compared += 1
+        (xx, xy, xz, yy, yz, zz), u, n = problem
+        K = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+        impact = resolve_contact(K, u, n, e, mu, ImpactModel(law, precision=Precision.EXTENDED))
+        with mp.workdps(40):
+            error = mp.norm([x - y for x, y in zip(impact.impulse, P, strict=True)])
+            assert error <= impact.error_bound * mp.norm(P)
+        assert impact.error_bound <= MOST_BOUND
     assert compared >= 1
 
 

@@ -221,6 +221,7 @@ template <class T> INLINE DoubleDouble<T> choose(Mask<T> m, const DoubleDouble<T
 }
 template <class T> INLINE T high(const DoubleDouble<T>& a) { return a.h; }
 template <class T> INLINE T report(const DoubleDouble<T>& a) { return a.h; }
+template <class T> INLINE DoubleDouble<T> value(const DoubleDouble<T>& a) { return a; }
 template <class T> INLINE T error_of(const DoubleDouble<T>&) { return T{}; }
 
 // --- Traits ------------------------------------------------------------------------------------------

@@ -123,9 +123,11 @@ class BodyAtContact(NamedTuple):
 
     def has_massless_spin(self) -> Condition:
         """Whether ``massless_spin`` is more than rounding makes of other spin."""
-        massless, effective = self.massless_spin, self.effective_spin
-        rounding, error = 2 * ROUNDINGS * given_roundoff(massless.x), sum(map(error_of, massless))
-        return massless.dot(massless) > rounding * rounding * effective.dot(effective) + error * error
+        massless, effective = (
+            certain(square_root(spin.dot(spin))) for spin in (self.massless_spin, self.effective_spin)
+        )
+        given, computed = 2 * given_roundoff(effective) * effective, error_of(effective + effective)
+        return massless > ROUNDINGS * (given + computed)
 
     def velocity_from_spin(self) -> Vec3:
         """Velocity of the material at the contact point relative to the reference point [m/s]."""
