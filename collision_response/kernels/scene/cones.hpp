@@ -37,15 +37,17 @@ class Cones {
  public:
   using Axes = std::array<R, 3>;
   using Vector = std::vector<R>;
-  static constexpr double GREATEST_RHO = 1e6, LEAST_RHO = 1e2;
+  static constexpr double FIRST_RHO = 1e6, GREATEST_RHO = 1e8, LEAST_RHO = 1e2;
   static constexpr double SIGMA = 1e6, GIVE = 1e-14;  // of contacts that fully take part
   static constexpr int ROUNDS = 6;  // at most
   static constexpr double KEPT = 1e-12;  // relative error of N y: no further rounds are needed
+  static constexpr double WELL_KEPT = 5e-7;  // error of y: no further rounds are needed
   static constexpr double SMALL_ERROR = 5e-8;  // of y: no further steps are needed
-  // solve_by_raising_slip: the first slip, and its increase.
-  static constexpr double SLOW_SLIP = 1e6, FIRST_FACTOR = 100;
+  static constexpr double SLOW_SLIP = 1e6;  // solve_by_raising_slip: the first slip
+  static constexpr double GREATEST_FACTOR = 100, LEAST_FACTOR = 1.2;  // by which slip or rho is raised at once
   static constexpr int MAX_STEPS = 60;
-  static constexpr double BUDGET = 3e7;  // multiplications in newton(): about a second in double-double
+  static constexpr int TRIES = 3;  // of Newton steps that do not reduce the gradient, near the minimum
+  static constexpr double BUDGET = is_scalar<R> ? 3e8 : 3e7;  // multiplications: less than a second
 
   struct Cone {
     int body[2];  // -1: immovable
@@ -71,7 +73,8 @@ class Cones {
     P.resize(n);
     z.resize(n);
     variables = 6 * body_count + static_cast<int>(kept_velocities.size());
-    x.resize(variables);
+    for (Vector* one : {&x, &gradient, &step, &rhs, &column}) one->resize(variables);
+    slopes.resize(n);
     multipliers.resize(kept_velocities.size());
     for (const Cone& cone : cones)
       for (const R& w : cone.w) fastest = std::fmax(fastest, std::fabs(high(w)));
@@ -83,22 +86,42 @@ class Cones {
   double solve() {
     if (!is_scalar<R> && fastest > SLOW_SLIP) solve_by_raising_slip();
     else solve_from_zero();
+    if (const double error = keep_velocities(); error <= WELL_KEPT) return error;
     Bounds bounds = finish_round();
     double error = bounds.of_round;
-    for (int round = 1; round < ROUNDS && !bounds.are_kept; ++round) {
+    for (int round = 1; round < ROUNDS && !bounds.are_kept && bounds.of_kept > WELL_KEPT; ++round) {
       multipliers.assign(x.begin() + 6 * body_count, x.end());
-      lagrangian_step(GREATEST_RHO, P, false, 60);
+      lagrangian_step(FIRST_RHO, P, false, 60);
       bounds = finish_round();
       error += std::sqrt(2) * bounds.of_round;  // lambda_0 has the error of the round before
     }
     return std::fmin(error, bounds.of_kept);
   }
 
-  // The first step of solve().
+  // Two steps, each a round of its own: mostly, this keeps the velocities to all digits. Returns a bound on the error of
+  // y; if it is more than WELL_KEPT, nothing has changed.
+  double keep_velocities() {
+    if (kept_velocities.empty()) return INFINITY;
+    const State before = state();
+    for (int round = 0; round < 2; ++round) {
+      multipliers.assign(x.begin() + 6 * body_count, x.end());
+      lagrangian_step(GREATEST_RHO, P, false, 10);
+    }
+    polish();
+    const double error = motion_bounds(ROUNDING).of_kept;
+    if (!(error <= WELL_KEPT)) {
+      restore(before);
+      multipliers.assign(kept_velocities.size(), R{});
+    }
+    return error;
+  }
+
+  // The first step of solve(). If Newton's method does not converge from the start, raise rho step by step.
   void solve_from_zero() {
     const std::vector<Axes> none(P.size());
-    if (!lagrangian_step(GREATEST_RHO, none, true, 12))
-      for (double size = 1; size <= GREATEST_RHO; size *= 100) lagrangian_step(size, none, size == 1, 60);
+    if (lagrangian_step(FIRST_RHO, none, true, 12)) return;
+    lagrangian_step(1, none, true, 60);
+    raise(1, FIRST_RHO, [&](double size, double) { return lagrangian_step(size, none, false, 60); });
   }
 
   // The first step of solve() for fast slip: solve with w scaled down, then raise w step by step. Each step starts from
@@ -110,32 +133,41 @@ class Cones {
       for (size_t i = 0; i < cones.size(); ++i)
         for (int k = 0; k < 3; ++k) cones[i].w[k] = part * w[i][k];
     };
-    double part = SLOW_SLIP / fastest, factor = FIRST_FACTOR;
-    slip_at(part);
+    slip_at(SLOW_SLIP / fastest);
     solve_from_zero();
-    for (int turn = 0; turn < MAX_STEPS && part < 1 && work < BUDGET; ++turn) {
-      const State before = state();
-      const double next = std::fmin(factor * part, 1), by = next / part;
+    raise(SLOW_SLIP / fastest, 1, [&](double part, double by) {
       const Vector y = motion();
       for (R& one : x) one = by * one;
       for (size_t i = 0; i < y.size(); ++i) x[i] -= (by - 1) * y[i];
-      slip_at(next);
-      if (lagrangian_step(GREATEST_RHO, P, false, 60)) {
-        part = next;
-        continue;
-      }
-      restore(before);
-      factor = std::sqrt(factor);
-    }
+      slip_at(part);
+      return lagrangian_step(FIRST_RHO, P, false, 60);
+    });
     slip_at(1);
+  }
+
+  // Raise a value to `greatest` by factors for which `step`, of the next value and the factor, converges.
+  template <class Step>
+  void raise(double value, double greatest, Step step) {
+    double factor = GREATEST_FACTOR;
+    for (int turn = 0; turn < MAX_STEPS && value < greatest && factor > LEAST_FACTOR; ++turn) {
+      const State before = state();
+      const double next = std::fmin(factor * value, greatest);
+      if (step(next, next / value)) {
+        value = next;
+        factor = std::fmin(factor * factor, GREATEST_FACTOR);
+      } else {
+        restore(before);
+        factor = std::sqrt(factor);
+      }
+    }
   }
 
   // Further steps, with the greatest rho for which Newton's method converges. Many are needed if several ways to share
   // a load do nearly the same work.
   void take_adaptive_steps() {
     State best = state();
-    double least = motion_error(), size = GREATEST_RHO;
-    for (int turn = 0; turn < MAX_STEPS && least > SMALL_ERROR && work < BUDGET; ++turn) {
+    double least = motion_error(), size = FIRST_RHO;
+    for (int turn = 0; turn < MAX_STEPS && least > SMALL_ERROR; ++turn) {
       const State before = state();
       if (!lagrangian_step(size, P, false, 30)) {
         restore(before);
@@ -155,7 +187,7 @@ class Cones {
   // Further steps from the current P, until they reduce the error no more. They do not keep the sum of squares least.
   void refine() {
     double least = motion_error();
-    for (double size = 100 * GREATEST_RHO; size >= LEAST_RHO; size /= 100)
+    for (double size = GREATEST_RHO; size >= LEAST_RHO; size /= 100)
       for (bool gains = true; gains && least > SMALL_ERROR;) {
         const State before = state();
         lagrangian_step(size, P, false, 60);
@@ -172,28 +204,36 @@ class Cones {
   bool lagrangian_step(double size, std::vector<Axes> Q, bool from_start, int budget) {
     rho = size;
     from = std::move(Q);
-    Vector gradient(variables), trial, step(variables);
+    Vector trial, best;
     if (from_start) {
-      evaluate(x, gradient, true);
-      newton(gradient, step);
+      evaluate(x, true);
+      newton();
       increase(x, 1, step);
     }
-    R value = evaluate(x, gradient, false);
+    R value = evaluate(x, false);
     double off = norm(gradient), enough = (1e-14 + 2e-16 * rho) * (is_scalar<R> ? 1 : 0x1p-44 * fastest);
-    for (int turn = 0; turn < budget && off > enough; ++turn) {
-      newton(gradient, step);
+    double least = INFINITY;
+    int tries = 0;
+    for (int turn = 0; turn < budget && off > enough && work < BUDGET; ++turn) {
+      newton();
       const R slope = dot(gradient, step);
       const double old = off;
+      const bool is_near = off < 1e4 * enough;  // rounding may hide what the value gains
+      if (off < least) {
+        least = off;
+        best = x;
+      }
       R now{};
       for (double length = 1;; length /= 2) {
         trial = x;
         increase(trial, length, step);
-        now = evaluate(trial, gradient, false);
+        now = evaluate(trial, false);
         off = norm(gradient);
-        if (off <= old / 2 || less_equal(now, value + 1e-4 * length * slope) || length < 1e-3) break;
+        if (off <= old / 2 || less_equal(now, value + 1e-4 * length * slope) || is_near || length < 1e-3) break;
       }
-      if (off >= old && old < 1e4 * enough) {  // rounding
-        evaluate(x, gradient, false);
+      if (is_near && off >= old && ++tries == TRIES) {
+        x = best;
+        evaluate(x, false);
         return true;
       }
       x = trial;
@@ -202,11 +242,10 @@ class Cones {
     return off <= 1e6 * enough;
   }
 
-  // A last Newton step, which changes P instead of computing it anew, with the rounding of rho (w + B eta).
+  // After lagrangian_step(): a last Newton step, which changes P instead of computing it anew, with the rounding of
+  // rho (w + B eta).
   void polish() {
-    Vector gradient(variables), step(variables);
-    evaluate(x, gradient, false);
-    newton(gradient, step);
+    newton();
     increase(x, 1, step);
     for (size_t i = 0; i < cones.size(); ++i) {
       Axes by = velocity(cones[i], step.data());
@@ -279,7 +318,7 @@ class Cones {
  private:
   int body_count, variables = 0;
   double rho = 1;
-  double work = 0;  // multiplications in newton() so far
+  double work = 0;  // multiplications so far
   double fastest = 1;  // the greatest component of w
   Vector x;  // eta, lambda
   Vector multipliers;  // lambda_0
@@ -297,6 +336,7 @@ class Cones {
   static constexpr double ROUNDING = Traits<R>::roundoff * 8;
   using Slope = std::array<Axes, 3>;
   std::vector<Slope> slopes;
+  Vector gradient, step;
 
   // sigma of a contact. One of great friction that slides because its load is light presses the harder to move apart.
   double stiffness(const Cone& cone) const {
@@ -358,14 +398,14 @@ class Cones {
     q = {n, mu * n * d[0], mu * n * d[1]};
   }
 
-  // Returns the value to minimise at (eta, lambda); sets its gradient, P and slopes. `holding`: as if all contacts
+  // Returns the value to minimise at (eta, lambda); sets its gradient, P, z and slopes. `holding`: as if all contacts
   // held.
-  R evaluate(const Vector& at, Vector& gradient, bool holding) {
-    slopes.resize(cones.size());
+  R evaluate(const Vector& at, bool holding) {
     const R* lambda = at.data() + 6 * body_count;
     Vector& y = whole;
     y.assign(at.begin(), at.begin() + 6 * body_count);
     for (size_t i = 0; i < kept_velocities.size(); ++i) add_row(cones[i], Axes{lambda[i], R{}, R{}}, y);
+    work += static_cast<double>(90 * cones.size());
     R value{};
     for (const R& v : y) value += v * v / 2;
     for (size_t i = 0; i < kept_velocities.size(); ++i) {
@@ -398,7 +438,8 @@ class Cones {
   // The matrix of Newton's method, by rows from the first entry that is not 0 to the diagonal.
   std::vector<int> place, first;
   std::vector<size_t> start;
-  Vector fixed, M, rhs, whole;
+  std::vector<int> end;  // of each column, below its last row
+  Vector fixed, M, rhs, column, whole;
   R& at(Vector& matrix, int i, int j) const {
     int a = std::max(place[i], place[j]), b = std::min(place[i], place[j]);
     return matrix[start[a] + static_cast<size_t>(b - first[a])];
@@ -466,6 +507,8 @@ class Cones {
           for (int k = 0; k < 6; ++k) both.push_back(6 * body + k);
         join(both);
       }
+    end.assign(variables, 0);
+    for (int i = 0; i < variables; ++i) std::fill(end.begin() + first[i], end.begin() + i + 1, i + 1);
     start.assign(variables + 1, 0);
     for (int i = 0; i < variables; ++i) start[i + 1] = start[i] + static_cast<size_t>(i - first[i] + 1);
     fixed.assign(start[variables], R{});
@@ -486,8 +529,8 @@ class Cones {
   }
   const R* normal(int i, int body) const { return cones[i].row[cones[i].body[0] == body ? 0 : 1][0]; }
 
-  // step = -M^-1 gradient, by Cholesky's factors, which hold the inverses of their diagonal
-  void newton(const Vector& gradient, Vector& step) {
+  // step = -M^-1 gradient, by Cholesky's factors, column by column. They hold the inverses of their diagonal.
+  void newton() {
     M = fixed;
     for (size_t i = 0; i < kept_velocities.size(); ++i)
       at(M, 6 * body_count + static_cast<int>(i), 6 * body_count + static_cast<int>(i)) +=
@@ -516,23 +559,20 @@ class Cones {
           }
         }
     }
-    rhs.resize(variables);
     for (int i = 0; i < variables; ++i) rhs[place[i]] = -gradient[i];
-    for (int i = 0; i < variables; ++i) {
-      R* row = &M[start[i]];
-      for (int j = first[i]; j < i; ++j) {
-        int from = std::max(first[i], first[j]);
-        const R *p = row + (from - first[i]), *q = &M[start[j]] + (from - first[j]);
-        R sum = row[j - first[i]];
-        for (int k = 0; k < j - from; ++k) sum -= p[k] * q[k];
-        work += j - from;
-        row[j - first[i]] = sum * M[start[j + 1] - 1];
+    for (int k = 0; k < variables; ++k) {
+      R& pivot = M[start[k + 1] - 1];
+      pivot = high(pivot) > 0 ? constant<R>(1) / root(pivot) : constant<R>(0x1p-200);
+      rhs[k] = rhs[k] * pivot;
+      for (int i = k + 1; i < end[k]; ++i) {
+        column[i] = R{};
+        if (first[i] > k) continue;
+        R* row = &M[start[i]] + (k - first[i]);
+        const R entry = column[i] = row[0] = row[0] * pivot;
+        for (int j = k + 1; j <= i; ++j) row[j - k] -= entry * column[j];
+        rhs[i] -= entry * rhs[k];
+        work += i - k;
       }
-      R pivot = row[i - first[i]];
-      for (int j = first[i]; j < i; ++j) pivot -= row[j - first[i]] * row[j - first[i]];
-      row[i - first[i]] = high(pivot) > 0 ? constant<R>(1) / root(pivot) : constant<R>(0x1p-200);
-      for (int j = first[i]; j < i; ++j) rhs[i] -= row[j - first[i]] * rhs[j];
-      rhs[i] = rhs[i] * row[i - first[i]];
     }
     for (int i = variables; i-- > 0;) {
       const R* row = &M[start[i]];

@@ -258,7 +258,7 @@ inline double shift_error(Cones<double> programme, const Vector& start, const Ve
   constexpr int ROUNDS = 20;
   auto round_from = [&](const Vector& by) {
     for (size_t i = 0; i < by.size(); ++i) programme.cones[i].w[0] = start[i] + std::fmax(shift[i] + by[i], 0);
-    if (!programme.lagrangian_step(programme.GREATEST_RHO, programme.P, false, 60)) programme.solve_from_zero();
+    if (!programme.lagrangian_step(programme.FIRST_RHO, programme.P, false, 60)) programme.solve_from_zero();
     programme.polish();
     return shifts_of(programme);
   };
@@ -348,7 +348,7 @@ inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
     }
     last_shift = found;
     last_step = step;
-    programme.lagrangian_step(programme.GREATEST_RHO, programme.P, false, 60);
+    programme.lagrangian_step(programme.FIRST_RHO, programme.P, false, 60);
     programme.polish();
   }
   // If a load can be shared in several ways, take the one with the most friction.
