@@ -69,7 +69,7 @@ def panel(axes: Axes, name: str, points: dict[str, Point]) -> None:
         mark(axes, way, point)
     start, end = (place(points[way]) for way in ("DOUBLE", "EXTENDED"))
     axes.annotate(
-        f"+ {end[0] - start[0]:.0f} µs", end, xytext=(11, 0), textcoords="offset points",
+        f"+ {end[0] - start[0]:.1f} µs", end, xytext=(11, 0), textcoords="offset points",
         color=ONE, fontsize=12, fontweight="bold", va="center",
     )  # fmt: skip
 
