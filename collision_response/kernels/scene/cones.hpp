@@ -47,7 +47,8 @@ class Cones {
   static constexpr double GREATEST_FACTOR = 100, LEAST_FACTOR = 1.2;  // by which slip or rho is raised at once
   static constexpr int MAX_STEPS = 60;
   static constexpr int TRIES = 3;  // of Newton steps that do not reduce the gradient, near the minimum
-  static constexpr double BUDGET = is_scalar<R> ? 3e8 : 3e7;  // multiplications: less than a second
+  // Multiplications after which no steps begin that may be many. Only double-double takes so long.
+  static constexpr double BUDGET = is_scalar<R> ? INFINITY : 3e7;
 
   struct Cone {
     int body[2];  // -1: immovable
@@ -149,7 +150,7 @@ class Cones {
   template <class Step>
   void raise(double value, double greatest, Step step) {
     double factor = GREATEST_FACTOR;
-    for (int turn = 0; turn < MAX_STEPS && value < greatest && factor > LEAST_FACTOR; ++turn) {
+    for (int turn = 0; turn < MAX_STEPS && value < greatest && factor > LEAST_FACTOR && work < BUDGET; ++turn) {
       const State before = state();
       const double next = std::fmin(factor * value, greatest);
       if (step(next, next / value)) {
@@ -167,7 +168,7 @@ class Cones {
   void take_adaptive_steps() {
     State best = state();
     double least = motion_error(), size = FIRST_RHO;
-    for (int turn = 0; turn < MAX_STEPS && least > SMALL_ERROR; ++turn) {
+    for (int turn = 0; turn < MAX_STEPS && least > SMALL_ERROR && work < BUDGET; ++turn) {
       const State before = state();
       if (!lagrangian_step(size, P, false, 30)) {
         restore(before);
@@ -214,7 +215,7 @@ class Cones {
     double off = norm(gradient), enough = (1e-14 + 2e-16 * rho) * (is_scalar<R> ? 1 : 0x1p-44 * fastest);
     double least = INFINITY;
     int tries = 0;
-    for (int turn = 0; turn < budget && off > enough && work < BUDGET; ++turn) {
+    for (int turn = 0; turn < budget && off > enough; ++turn) {
       newton();
       const R slope = dot(gradient, step);
       const double old = off;
@@ -242,9 +243,9 @@ class Cones {
     return off <= 1e6 * enough;
   }
 
-  // After lagrangian_step(): a last Newton step, which changes P instead of computing it anew, with the rounding of
-  // rho (w + B eta).
+  // A last Newton step, which changes P instead of computing it anew, with the rounding of rho (w + B eta).
   void polish() {
+    evaluate(x, false);
     newton();
     increase(x, 1, step);
     for (size_t i = 0; i < cones.size(); ++i) {
