@@ -41,7 +41,8 @@ from reprlib import repr as quoted
 from types import NoneType
 from typing import Any, NamedTuple
 
-from .model import STIFFNESS_RATIOS, check_number
+from .arguments import check_number
+from .model import STIFFNESS_RATIOS
 from .physics import friction
 from .physics.combine import CombineRule, check_rule, combine
 from .physics.friction import Friction

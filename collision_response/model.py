@@ -11,12 +11,13 @@ import math
 from enum import IntFlag
 from typing import Any, NamedTuple
 
+from .arguments import check_number
 from .named_enum import NamedEnum
-from .numbers.operations import of_python
+from .numbers.operations import ROUNDOFF
 from .physics.laws import PATHS, STEPPED, Settings
 from .physics.laws import Law as Law
 from .physics.stiffness import METAL_ON_METAL
-from .status import ImpactError, StatusCode, format_range, format_value
+from .status import ImpactError, StatusCode, format_value
 
 
 class Geometry(NamedEnum):
@@ -151,18 +152,23 @@ def plan_model(model: ImpactModel) -> ModelPlan:
     law, geometry, precision = model[:3]
     given = [getattr(model, name) for name in Settings._fields]
     settings = Settings(*map(float, given))
-    bound_limit = settings.tolerance if model.tolerance > 0 else LARGEST_BOUND  # 1e-400 is 0 as a float
+    limit = bound_limit(model)
     return ModelPlan(
         law_without_friction=law_for(law, has_friction=False),
         law_with_friction=law_for(law, has_friction=True),
         geometry=geometry,
         first_precision=_first_precision(precision, settings.tolerance),
         last_precision=Precision.EXTENDED if precision is Precision.AUTO else precision,
-        target_bound=_target_bound(precision, bound_limit),
-        bound_limit=bound_limit,
+        target_bound=_target_bound(precision, limit),
+        bound_limit=limit,
         settings=settings,
         settings_errors=Settings(*map(_conversion_error, settings, given)),
     )
+
+
+def bound_limit(model: ImpactModel) -> float:
+    """Return the error bound above which an answer does not meet the tolerance of a valid model."""
+    return float(model.tolerance) if model.tolerance > 0 else LARGEST_BOUND  # 1e-400 is 0 as a float
 
 
 def law_for(law: Law, *, has_friction: bool) -> Law:
@@ -194,15 +200,15 @@ def _first_precision(precision: Precision, tolerance: float) -> Precision:
     return Precision.EXTENDED if 0 < tolerance < LEAST_DOUBLE_BOUND else Precision.DOUBLE
 
 
-def _target_bound(precision: Precision, bound_limit: float) -> float:
+def _target_bound(precision: Precision, limit: float) -> float:
     if precision is Precision.EXTENDED:
-        return min(bound_limit, ULP)
-    return min(bound_limit, USEFUL_BOUND) if precision is Precision.AUTO else bound_limit
+        return min(limit, ULP)
+    return min(limit, USEFUL_BOUND) if precision is Precision.AUTO else limit
 
 
 def _conversion_error(x: float, given: Any) -> float:
     """Bound the error of ``x = float(given)``."""
-    return 0.0 if x == given else abs(x) * 2.0**-53
+    return 0.0 if x == given else abs(x) * ROUNDOFF
 
 
 LEAST_DOUBLE_BOUND = 2.0**-48
@@ -249,46 +255,3 @@ def check_model(model: Any) -> None:
         ("stiffness_ratio", *STIFFNESS_RATIOS, StatusCode.INVALID_COEFFICIENT),
     ):
         check_number(f"model.{field}", getattr(model, field), least, most, code)
-
-
-def check_number(
-    field: str,
-    value: Any,
-    least: float,
-    most: float,
-    code: StatusCode,
-    not_finite: StatusCode = StatusCode.NOT_FINITE,
-) -> float:
-    """Check that a value is a finite real number in ``[least, most]``, and return it as a float.
-
-    Args:
-        field: the name of the value, for the error.
-        value: the value to check.
-        least, most: the range.
-        code: the code of the error if the value is out of range.
-        not_finite: the code of the error if the value is infinite or NaN.
-
-    Raises:
-        ImpactError: ``code`` or ``not_finite``.
-        TypeError: if ``value`` is not a real number: a boolean, a complex number, text or an array.
-    """
-    given, value = value, of_python(value)
-    is_masked = type(value).__name__.startswith("Masked")
-    is_number = hasattr(value, "__float__") and not getattr(value, "shape", ())
-    if is_masked or isinstance(value, (bool, complex, str)) or not is_number:
-        raise TypeError(f"{field}: must be a real number, is {given!r}")
-    try:
-        finite = math.isfinite(value)
-    except OverflowError:  # an integer beyond float64
-        finite = False
-    except (TypeError, ValueError):  # an array, or a decimal that signals
-        raise TypeError(f"{field}: must be a real number, is {given!r}") from None
-    if not finite:
-        raise ImpactError(not_finite, field, f"must be finite; is {format_value(value, str)}")
-    try:
-        is_in_range = least <= value <= most
-    except TypeError:  # it can be converted, but not compared
-        is_in_range = least <= float(value) <= most
-    if not is_in_range:
-        raise ImpactError(code, field, f"must be {format_range(least, most)}; is {format_value(value, str)}")
-    return float(value)

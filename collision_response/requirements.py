@@ -21,8 +21,9 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from .answer import Impact, relative_difference
+from .arguments import check_number
 from .in_python.request_numbers import read_request
-from .model import ULP, Geometry, ImpactModel, Precision, check_number
+from .model import ULP, Geometry, ImpactModel, Precision
 from .physics.body import Body
 from .physics.contact import Contact
 from .physics.laws import Law

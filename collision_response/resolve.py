@@ -21,6 +21,7 @@ from typing import Any, NoReturn
 
 from . import validity
 from .answer import Impact, relative_difference
+from .arguments import check_number
 from .geometry import reduce_body, reduce_contact
 from .in_python import arbitrary_precision, exact_fractions, friction_along_path
 from .in_python.coefficients_at_speed import initial_friction, restitution_at_speed
@@ -34,7 +35,7 @@ from .model import (
     Geometry,
     ImpactModel,
     Precision,
-    check_number,
+    bound_limit,
     law_for,
     plan_model,
     settled_bound,
@@ -168,11 +169,7 @@ def _resolve_with_own_coefficients(
         number = check_number("contact.tangential_restitution", e_t, -1, 1, StatusCode.INVALID_COEFFICIENT)
         e_t = number if e_t.__hash__ is None else e_t  # an array of one number
         contact = contact._replace(tangential_restitution=None)
-        try:
-            own = _model_with_tangential_restitution(model, e_t)
-        except TypeError:  # a number of the model is an array of one number, which has no hash
-            own = model._replace(tangential_restitution=e_t)
-        impact = resolve(body_a, body_b, contact, own)
+        impact = resolve(body_a, body_b, contact, _changed(model, tangential_restitution=e_t))
         return impact._replace(contact=impact.contact._replace(tangential_restitution=e_t))
     contact = _with_initial_coefficients(body_a, body_b, contact, model)
     if not callable(contact.friction):
@@ -181,13 +178,20 @@ def _resolve_with_own_coefficients(
     return _resolve_reduced(body_a, body_b, contact, model) if followed is None else followed
 
 
-@lru_cache(maxsize=64)
-def _model_with_tangential_restitution(model: ImpactModel, e_t: Any) -> ImpactModel:
-    """Return the model with this tangential restitution.
+def _changed(model: ImpactModel, **fields: Any) -> ImpactModel:
+    """Return the model with other values of some fields.
 
     Cached, because the kernels look up the plan of a model by the identity of the model.
     """
-    return model._replace(tangential_restitution=e_t)
+    try:
+        return _recently_changed(model, tuple(fields.items()))
+    except TypeError:  # a number of the model is an array of one number, which has no hash
+        return model._replace(**fields)
+
+
+@lru_cache(maxsize=64)
+def _recently_changed(model: ImpactModel, fields: tuple[tuple[str, Any], ...]) -> ImpactModel:
+    return model._replace(**dict(fields))
 
 
 def _with_initial_coefficients(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Contact:
@@ -201,7 +205,7 @@ def _with_initial_coefficients(body_a: Body, body_b: Body, contact: Contact, mod
         contact = contact._replace(friction=mu)
     if callable(contact.restitution):
         plastic = contact._replace(restitution=0.0, friction=0.0)
-        exact = model._replace(geometry=Geometry.AUTO, precision=Precision.EXTENDED, tolerance=0.0)
+        exact = _changed(model, geometry=Geometry.AUTO, precision=Precision.EXTENDED, tolerance=0.0)
         normal_velocity = resolve(body_a, body_b, plastic, exact).normal_velocity_before
         e = restitution_at_speed(max(-normal_velocity, 0.0), contact, "contact")
         contact = contact._replace(restitution=e)
@@ -226,7 +230,7 @@ def _resolve_reduced(body_a: Body, body_b: Body, contact: Contact, model: Impact
     if geometry is Geometry.PLANAR and not (contact.normal[0] or contact.normal[1]):
         reason = f"must not be along z in the geometry PLANAR; is {tuple(contact.normal)}"
         raise ImpactError(StatusCode.INVALID_NORMAL, "contact.normal", reason)
-    full = resolve(body_a, body_b, contact, model._replace(geometry=Geometry.SPATIAL))
+    full = resolve(body_a, body_b, contact, _changed(model, geometry=Geometry.SPATIAL))
     body_a, body_b, _ = read_request(body_a, body_b, contact)
     reduced_a, reduced_b = (reduce_body(body, geometry) for body in (body_a, body_b))
     reduced = resolve(reduced_a, reduced_b, reduce_contact(contact, geometry), model)
@@ -239,7 +243,7 @@ def _resolve_reduced(body_a: Body, body_b: Body, contact: Contact, model: Impact
     except OverflowError:  # a fraction beyond float64
         raise library.refusal(StatusCode.OUT_OF_RANGE) from None
     return reduced._replace(
-        status=reduced.status if bound <= plan_model(model).bound_limit else TOLERANCE_NOT_MET,
+        status=reduced.status if bound <= bound_limit(model) else TOLERANCE_NOT_MET,
         twist_a=_twist_after(body_a, reduced.change_a),
         twist_b=_twist_after(body_b, reduced.change_b),
         kinetic_energy_before=energy_before,

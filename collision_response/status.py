@@ -83,9 +83,18 @@ def format_value(value: object, spell: Callable[[Any], str] = repr) -> str:
         return "of more digits than are shown"
 
 
+POSITIVE = math.nextafter(0, 1)
+"""The least positive float: as the lower limit of a range, it excludes 0."""
+
+
 def format_range(least: float, most: float) -> str:
-    """Return "at least 0" or "in [0, 1]" for an error message. Integers and floats read the same."""
+    """Return "at least 0", "positive" or "in [0, 1]" for an error message.
+
+    Integers and floats read the same.
+    """
     low, high = (str(limit).removesuffix(".0") for limit in (least, most))
+    if least == POSITIVE:
+        return "positive" if most == math.inf else f"in (0, {high}]"
     return f"at least {low}" if most == math.inf else f"in [{low}, {high}]"
 
 

@@ -551,7 +551,6 @@ def test_chunks_of_unknown_length_must_be_those_of_every_contact(chunks, lazy, o
     [
         *(({"bodies": no_table}, "bodies") for no_table in (np.float64(1), None, "x", [[1], [1, 2]], {})),
         *(({"contacts": no_table}, "contacts") for no_table in (np.float64(1), None, "x", [[1], [1, 2]])),
-        *(({"workers": none}, "workers") for none in ("2", None, 1.5, 0, -1, [2], np.float64(2))),
         *(({"out": none}, "out") for none in ((), [], "out", np.zeros(3), {})),
     ],
 )
@@ -625,6 +624,43 @@ def test_results_that_cannot_be_written_are_named(field):
     getattr(out, field).flags.writeable = False
     with pytest.raises(ValueError, match=f"^out.{field}: must be writable, is read-only"):
         resolve_batch(bodies, contacts, report=True, out=out)
+
+
+def overlapping(array: np.ndarray, axis: int, step: int) -> np.ndarray:
+    """An array of this shape and type whose elements along an axis are ``step`` bytes apart."""
+    strides = list(np.empty(array.shape, array.dtype).strides)
+    strides[axis] = step
+    memory = np.zeros(2 * array.nbytes + 64, np.uint8).view(array.dtype)
+    return np.lib.stride_tricks.as_strided(memory, array.shape, strides)
+
+
+@pytest.mark.parametrize("field", BatchResult._fields)
+def test_a_result_that_overlaps_itself_is_refused(field):
+    """Where two of its elements have a byte in common, one of them would be lost."""
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
+    model = ImpactModel(tolerance=1e-6)
+    out = resolve_batch(bodies, contacts, model, report=True)
+    array = getattr(out, field)
+    steps = [(-1, step) for step in {0, array.itemsize // 2}] + [(axis, 0) for axis in range(array.ndim - 1)]
+    if array.ndim > 1:
+        row = array.shape[-1] * array.itemsize
+        steps += [(array.ndim - 2, row - array.itemsize), (array.ndim - 2, array.itemsize)]
+    for axis, step in steps:
+        given = out._replace(**{field: overlapping(array, axis, step)})
+        with pytest.raises(ValueError, match=f"^out.{field}: must not overlap itself$"):
+            resolve_batch(bodies, contacts, model, report=True, out=given)
+
+
+def test_a_result_may_have_any_strides_without_overlap():
+    """Also two rows that interleave: elements 0, 2, 4, ... and 3, 5, 7, ... of the memory."""
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
+    expected = resolve_batch(bodies, contacts)
+    n, size = contacts.shape[1], 8
+    reverse = np.empty((n, 3))[::-1, ::-1].T
+    strides = 4 * n * size, 3 * size, 2 * size
+    interleaved = np.lib.stride_tricks.as_strided(np.empty(12 * n), (3, 2, n), strides)
+    out = expected._replace(impulse=reverse, velocity=interleaved)
+    assert_same(resolve_batch(bodies, contacts, out=out), expected)
 
 
 NO_RESULTS = {

@@ -294,7 +294,6 @@ def test_no_contacts_and_no_bodies():
         ({"pairs": np.zeros((2, 5), int)}, "contacts: must be of shape (rows, 5), is (8, 4)"),
         ({"bodies": np.zeros((20, 2, 4))}, "bodies: must be of shape (4 or 7 or 16 or 20, B), is (20, 2, 4)"),
         ({"threshold": 1.0}, "threshold: must be "),
-        *(({"workers": none}, "workers: must be a whole number, at least 1") for none in ("2", None, 1.5, 0)),
         ({"model": ImpactModel(precision=Precision.SINGLE)}, "model.precision: must be "),
         ({"model": ImpactModel(geometry=Geometry.PLANAR)}, "model.geometry: must be "),
     ],

@@ -582,6 +582,21 @@ def test_the_threshold_is_a_jump_where_restitution_is_lost():
     np.testing.assert_array_equal(below.of("impulse", "contact.restitution"), 0)
 
 
+@pytest.mark.parametrize("law", EVERY_LAW, ids=lambda law: law.name)
+@pytest.mark.parametrize("spin", [(0.0, 0.0, 0.0), (0.3, 0.0, 0.0), (1.0, -2.0, 0.5)])
+@pytest.mark.parametrize("swapped", [False, True], ids=["body_b", "body_a"])
+def test_the_mass_of_an_immovable_body_changes_nothing_smoothly(law, spin, swapped):
+    """The next mass is so great that the answer differs by nothing."""
+    bodies = [ball((1.5, -0.2, -1.0)), Body.kinematic((0.2, 0.1, -1.0), (0.1, 0.0, 0.3), spin)]
+    contact = on_floor(friction=0.05)
+    if swapped:
+        bodies, contact = bodies[::-1], contact._replace(normal=Vec3(0.0, 0.0, -1.0))
+    name = "body_a.mass" if swapped else "body_b.mass"
+    found = differentiate(*bodies, contact, ImpactModel(law))
+    assert not found.jacobian[:, found.columns[name]].any()
+    assert found.smoothness[found.columns[name]] == SMOOTH
+
+
 def test_zero_inertia_is_not_a_smooth_parameter_but_the_others_are():
     mass = Body.dynamic(2.0, position=(0.1, 0.0, 1.0), velocity=(0.1, 0.2, -1.0))
     found = differentiate(mass, Body.static(), on_floor())

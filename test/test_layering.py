@@ -16,6 +16,7 @@ FRONT = "collision_response"
 LAYERS = (
     {"named_enum", "numbers", "optional"},
     {"status", "strict_yaml"},
+    {"arguments"},
     {"physics"},
     {"body_conversions", "model"},
     {"description", "geometry", "impact", "materials", "validity"},
@@ -37,7 +38,7 @@ LAYERS = (
 """Packages and single modules, from the bottom up. Each may import the layers below it and itself."""
 
 HEIGHT = {unit: height for height, layer in enumerate(LAYERS) for unit in layer}
-ONLY = {"status": {"named_enum"}, "physics": {"named_enum", "numbers", "status"}}
+ONLY = {"status": {"named_enum"}, "physics": {"arguments", "named_enum", "numbers", "status"}}
 """Units that may import less than all layers below."""
 FORBIDDEN = {"recording": {"batch", "kernels"}, "ros": {"kernels"}, "demo": {"kernels"}, "cli": {"kernels"}}
 THIRD_PARTY = {

@@ -123,7 +123,7 @@ def test_a_table_may_be_of_any_kind_of_numbers(tabulated, kind):
     e = tabulated(kind([1.0, 2.0, 4.0]), kind([1.0, 0.5, 0.25]))
     assert [e(v) for v in (0.0, 1.5, 9.0)] == [1.0, 0.75, 0.25]
     for speeds, values in ([], []), ([1.0], []), ([1.0], [0.5, 0.5]):
-        with pytest.raises(ValueError, match=r"^speeds and values must have the same length, at least 1; "):
+        with pytest.raises(ValueError, match=r"^speeds: must be as many as values, at least 1; "):
             tabulated(kind(speeds), kind(values))
 
 

@@ -226,12 +226,6 @@ def test_invalid_options_are_refused_by_name(option, field):
         resolve_scene(*box(), **option)
 
 
-@pytest.mark.parametrize("orders", [1.5, 2.0, math.pi, "2", None, True])
-def test_the_number_of_orders_must_be_an_integer(orders):
-    with pytest.raises(TypeError, match="orders: must be a "):
-        resolve_scene(*box(), orders=orders)
-
-
 def test_there_must_be_one_stiffness_for_each_contact():
     with pytest.raises(ValueError, match="stiffness: must be one for each contact"):
         resolve_scene(*box(), stiffness=[1.0])

@@ -23,14 +23,15 @@ A contact that cannot be resolved gets its own status and NaN for results; it do
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import combinations, product
-from numbers import Integral
 from typing import Any, TypeVar
 
 import numpy as np
 
+from ..arguments import check_count
 from ..kernels import library
 from ..kernels.protocol import NumberType
 from ..model import DEFAULT, LARGEST_BOUND, ImpactModel, Precision, settled_bound
@@ -77,8 +78,8 @@ def resolve_batch(
         report: whether to report regimes and energies, too. A contact with an energy beyond float64 is then
             OUT_OF_RANGE, as in :func:`~collision_response.resolve`.
         out: where to write the results: an earlier result, or a BatchResult of arrays of the same shapes and
-            types. They must not overlap the input or each other. Arrays for a report are written if they are
-            there.
+            types. They must not overlap the input, each other or themselves. Arrays for a report are written
+            if they are there.
         workers: number of threads, at least 1, that share the contacts. Other Python threads run meanwhile.
 
     Returns:
@@ -87,9 +88,10 @@ def resolve_batch(
 
     Raises:
         ImpactError: INVALID_MODEL or INVALID_COEFFICIENT, if the model is invalid, or not for batches.
+        TypeError: if ``workers`` is not a whole number.
         ValueError: if an array has the wrong shape or type.
     """
-    check_workers(workers)
+    check_count("workers", workers, 1, math.inf, StatusCode.INVALID_MODEL)
     if not (out is None or isinstance(out, BatchResult)):
         raise ValueError(f"out: must be a BatchResult, is {type(out).__name__}")
     if not (isinstance(bodies, np.ndarray) and isinstance(contacts, np.ndarray)) or (
@@ -137,12 +139,6 @@ def _resolve_other_arrays(
         workers=workers,
     )
     return result if convert is None else result.mapped(convert)
-
-
-def check_workers(workers: Any) -> None:
-    """Raises: ValueError: if ``workers`` is not a positive integer."""
-    if not isinstance(workers, (int, Integral)) or workers < 1:
-        raise ValueError(f"workers: must be a whole number, at least 1, is {format_value(workers)}")
 
 
 def resolve_with_pauses(
@@ -258,12 +254,24 @@ def _check_out(request: BatchRequest, n: int, out: BatchResult) -> None:
         if array is not None and not array.flags.writeable:
             raise ValueError(f"out.{name}: must be writable, is read-only")
     given = [(name, array) for name, array in zip(BatchResult._fields, out, strict=True) if array is not None]
+    for name, array in given:
+        if _overlaps_itself(array):
+            raise ValueError(f"out.{name}: must not overlap itself")
     for (one, first), (other, second) in combinations(given, 2):
         if np.shares_memory(first, second):
             raise ValueError(f"out.{other}: must have memory of its own, shares that of out.{one}")
     for (_, written), table in product(given, request[1:]):
         if table is not None and np.shares_memory(written, table):
             raise ValueError("out: overlaps the input")
+
+
+def _overlaps_itself(array: Array) -> bool:
+    """Whether two elements share memory.
+
+    They differ in some index; then that of 0 along this axis shares memory with those of greater indices.
+    """
+    axes = (np.moveaxis(array, axis, 0) for axis in range(array.ndim))
+    return any(np.shares_memory(along[:1], along[1:]) for along in axes)
 
 
 def _described(array: Any) -> str:

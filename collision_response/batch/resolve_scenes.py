@@ -28,8 +28,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..arguments import check_count, check_number
 from ..kernels import library
-from ..model import DEFAULT, LARGEST_BOUND, ImpactModel, check_number
+from ..model import DEFAULT, LARGEST_BOUND, ImpactModel
 from ..physics.laws import PATHS
 from ..scene import resolve_scene
 from ..scene.reflections import THRESHOLD
@@ -38,7 +39,7 @@ from .one_by_one import body_of, contact_of
 from .other_arrays import check_unmasked
 from .pairs import IS_ANSWER, as_pairs
 from .plan import BatchRequest
-from .resolve_batch import check_workers, resolve_batch, run_in_parts
+from .resolve_batch import resolve_batch, run_in_parts
 from .result import ENERGIES, UINT8
 
 Array = np.ndarray[Any, Any]
@@ -119,12 +120,13 @@ def resolve_scenes(
 
     Raises:
         ImpactError: INVALID_MODEL or INVALID_COEFFICIENT, if the model is invalid, or not for tables.
+        TypeError: if ``threshold`` is not a number, or ``workers`` not a whole number.
         ValueError: if an array has the wrong shape or type.
     """
     check_unmasked("bodies", bodies)
     check_unmasked("contacts", contacts)
     bodies, contacts, pairs = np.ascontiguousarray(bodies), np.ascontiguousarray(contacts), as_pairs(pairs)
-    check_workers(workers)
+    check_count("workers", workers, 1, math.inf, StatusCode.INVALID_MODEL)
     check_number("threshold", threshold, 0, math.nextafter(1, 0), StatusCode.INVALID_MODEL)
     request = BatchRequest.of(bodies, contacts, model, pairs)
     model = request.plan.model

@@ -18,8 +18,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..arguments import check_number
 from ..body_conversions import orientation_of
-from ..model import DEFAULT, ImpactModel, check_number
+from ..model import DEFAULT, ImpactModel
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Regime

@@ -27,9 +27,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..arguments import check_number
 from ..body_conversions import com_in_world_axes
 from ..in_python.request_numbers import read_request
-from ..model import DEFAULT, Adjustment, ImpactModel, check_number
+from ..model import DEFAULT, Adjustment, ImpactModel
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Regime

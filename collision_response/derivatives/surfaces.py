@@ -21,7 +21,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from ..model import check_number
+from ..arguments import check_number
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..status import ImpactError, StatusCode

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from numbers import Integral
 from typing import NamedTuple
 
 import numpy as np
 
+from ..arguments import check_count, check_number
 from ..materials import RANGES as LIMITS
-from ..model import Law, check_number
+from ..model import Law
 from ..status import ImpactError, StatusCode
 from .estimates import Estimate, estimates, undetermined
 from .least_squares import LOSSES, NEGLIGIBLE_SQUARES, PRECISION, RANGES, LeastSquares, residual_unit
@@ -21,6 +21,9 @@ LAWS = tuple(law for law in Law if law is not Law.AUTO)
 
 FEW_IMPACTS = 10
 """With fewer impacts than this, the intervals of the bootstrap say little."""
+
+MOST_RESAMPLES = 100_000
+"""Greatest number of fits of the bootstrap, which are all kept."""
 
 LARGE_MISFIT = 0.1
 """A misfit above this may have a cause that no law is to blame for, such as wrong units."""
@@ -100,21 +103,21 @@ def identify(
         kind: kind of the residuals, one of ``measured.kinds``. Default: the first.
         loss: loss function of SciPy's ``least_squares``. All except "linear" are robust against outliers.
             They act on each component, so the axes of the world have an effect, well below the noise.
-        resamples: number of fits of the bootstrap, at least 2.
-        seed: seed of the random numbers of the bootstrap.
+        resamples: number of fits of the bootstrap, from 2 to 100,000.
+        seed: seed of the random numbers of the bootstrap, >= 0.
 
     Raises:
         ImpactError: INVALID_TABLE if there are too few impacts that approach and have a useful measurement
             after them. INVALID_MODEL if the law, the kind, the loss or the name of a coefficient is unknown,
             a coefficient is in ``fit`` twice or in both ``fit`` and ``given``, none is to be fitted, or
-            ``resamples`` is less than 2. INVALID_COEFFICIENT if a given coefficient is out of range. Other
-            codes if the law cannot answer an impact.
-        TypeError: if ``resamples`` is not an integer.
+            ``resamples`` or ``seed`` is out of range. INVALID_COEFFICIENT if a given coefficient is out of
+            range. Other codes if the law cannot answer an impact.
+        TypeError: if ``resamples`` or ``seed`` is not a whole number.
         ImportError: if SciPy is not installed.
     """
     given, kind = dict(given or {}), kind or measured.kinds[0]
     fit = names_to_fit(law, fit, given)
-    _check(measured, law, fit, given, kind, loss, resamples)
+    _check(measured, law, fit, given, kind, loss, resamples, seed)
     used = _informative_impacts(measured, kind, len(fit))
     unit = residual_unit(used, kind)
     given = {"restitution": 1.0, "friction": 0.0} | given
@@ -147,9 +150,10 @@ def _check(
     kind: str,
     loss: str,
     resamples: int,
+    seed: int,
 ) -> None:
-    if not isinstance(resamples, Integral):
-        raise TypeError(f"resamples: must be a whole number, is {resamples!r}")
+    check_count("resamples", resamples, 2, MOST_RESAMPLES, StatusCode.INVALID_MODEL)
+    check_count("seed", seed, 0, math.inf, StatusCode.INVALID_MODEL)
     for field, value, known in (
         ("law", law, LAWS),
         ("kind", kind, measured.kinds),
@@ -164,7 +168,6 @@ def _check(
         ("fit", "" if fit else f"must name a coefficient: {' and '.join(given)} of {law.name} are given"),
         *(("fit", f"has {name} twice") for name in set(fit) if fit.count(name) > 1),
         *(("given", f"has {name}, which is to be fitted") for name in fit if name in given),
-        ("resamples", "" if resamples >= 2 else f"must be at least 2, is {resamples}"),
     ):
         if wrong:
             raise ImpactError(StatusCode.INVALID_MODEL, field, wrong)

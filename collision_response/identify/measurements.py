@@ -13,10 +13,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from ..arguments import check_number
 from ..batch import body_rows, contact_rows, resolve_batch
 from ..body_conversions import com_in_world_axes, orientation_of, with_com_as_reference
 from ..in_python.request_numbers import read_request
-from ..model import Geometry, ImpactModel, Law, check_number
+from ..model import Geometry, ImpactModel, Law
 from ..numbers.operations import of_python
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact

@@ -6,8 +6,9 @@ import math
 from collections.abc import Callable
 
 from .. import validity
+from ..arguments import check_number
 from ..kernels import library
-from ..model import ImpactModel, Precision, check_number
+from ..model import ImpactModel, Precision
 from ..numbers.operations import Scalar, of_python, square_root
 from ..physics.body import Body
 from ..physics.contact import Contact

@@ -146,6 +146,9 @@ struct LawImpulse {
   }
 };
 
+// x times a power of two, which is mostly 1.
+inline double scaled(double x, int power) { return power ? std::ldexp(x, power) : x; }
+
 // The derivatives of `n` impacts in `count` directions. The numbers of impact `at` are in column `at` of the arrays.
 struct Differentiation {
   int law;
@@ -169,7 +172,7 @@ struct Differentiation {
     for (int p = 0; p < PARAMETERS; ++p) parameters[p] = parameter(p, at, first, width, power_of_parameter(p, units));
     SparseDual in[INPUTS], y[CHANGES];
     for (int i = 0; i < INPUTS; ++i)
-      in[i] = SparseDual(Make<Bounded<double>>::constant(std::ldexp(x[i], units.power_of(input_units[i]))));
+      in[i] = SparseDual(Make<Bounded<double>>::constant(scaled(x[i], units.power_of(input_units[i]))));
     seed(in, parameters);
     changes(in, y, nullptr, nullptr, LawImpulse{law, width});
     Edges kinks = 0, jumps = 0;
@@ -183,7 +186,7 @@ struct Differentiation {
       const double* line = reinterpret_cast<const double*>(d.d);
       const int begin = std::min(4 * d.begin, width), end = std::max(begin, std::min(4 * d.end, width));
       for (int k = 0; k < begin; ++k) row[k * n] = 0;
-      for (int k = begin; k < end; ++k) row[k * n] = power ? std::ldexp(line[k], power) : line[k];
+      for (int k = begin; k < end; ++k) row[k * n] = scaled(line[k], power);
       for (int k = end; k < width; ++k) row[k * n] = 0;
       kinks |= change.kinks;
       jumps |= change.jumps;
@@ -217,7 +220,7 @@ struct Differentiation {
     if (step == 1) std::memcpy(line, row, width * sizeof *row);
     else
       for (int k = 0; k < width; ++k) line[k] = row[k * step];
-    for (int k = 0; power && k < width; ++k) line[k] = std::ldexp(line[k], power);
+    for (int k = 0; k < width; ++k) line[k] = scaled(line[k], power);
     int begin = 0, end = (width + 3) / 4;
     for (int k = width; k < 4 * end; ++k) line[k] = 0;
     auto is_zero = [&](int block) {

@@ -27,6 +27,9 @@ Condition: TypeAlias = Any
 
 T = TypeVar("T")
 
+ROUNDOFF = 2.0**-53
+"""Unit roundoff of float64."""
+
 
 def choose(condition: Condition, if_true: Callable[[], T], if_false: Callable[[], T]) -> T:
     """Return ``if_true()`` where ``condition`` holds, else ``if_false()``.
@@ -181,13 +184,13 @@ def called(formula: Callable[..., T], *arguments: Any) -> T:
 
 
 def given_roundoff(x: Scalar) -> Scalar:
-    """Return the unit roundoff of the input numbers: 2^-24 for float32, else 2^-53, that of float64."""
+    """Return the unit roundoff of the input numbers: 2^-24 for float32, else that of float64."""
     own = getattr(x, "given_roundoff", None)
     if own is not None:
         return own()
     if isinstance(x, Fraction):
-        return Fraction(1, 2**53)
-    return 2.0**-24 if str(getattr(x, "dtype", "")).endswith("float32") else 2.0**-53
+        return Fraction(ROUNDOFF)
+    return 2.0**-24 if str(getattr(x, "dtype", "")).endswith("float32") else ROUNDOFF
 
 
 def is_out_of_range(*numbers: Scalar) -> Condition:

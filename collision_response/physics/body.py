@@ -276,7 +276,7 @@ class Body(NamedTuple):
 
     def has_mass(self) -> Condition:
         """Whether the body has a finite mass: it is rigid, and impulses move it."""
-        return self.mass < math.inf
+        return fixed(self.mass) < math.inf
 
     def is_articulated(self) -> Condition:
         """Whether the body is a link of a mechanism that impulses move."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import Any
 
+from ..arguments import is_real
 from ..numbers.operations import Scalar, choose, maximum, minimum, square_root
 from ..status import format_value
 
@@ -50,9 +51,14 @@ def combine(
             matters.
 
     Raises:
-        TypeError: if ``rule`` is not a :class:`CombineRule`.
+        TypeError: if ``rule`` is not a :class:`CombineRule`, or another argument is neither a real number nor
+            an array of them.
     """
     check_rule(rule)
+    given = {"a": a, "b": b, "stiffness_a": stiffness_a, "stiffness_b": stiffness_b}
+    for name, x in given.items():
+        if not is_real(x):
+            raise TypeError(f"{name}: must be a real number, is {format_value(x)}")
     if rule is CombineRule.AVERAGE:
         return a / 2 + b / 2
     if rule is CombineRule.MULTIPLY:

@@ -4,6 +4,8 @@ Each function here takes constants of the two surfaces and returns a function ``
 >= 0, for a slip speed ``v`` [m/s]. The returned functions can be pickled. You can also pass a function of
 your own. It is called with speeds >= 0. ``mu(0)`` is static friction and may differ from the limit for small
 speeds. The Routh laws also call it with speeds slightly beyond those that occur during the impact.
+
+The functions here refuse constants as those of :mod:`~collision_response.physics.restitution` do.
 """
 
 from __future__ import annotations
@@ -12,7 +14,8 @@ import math
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from . import restitution
+from ..status import POSITIVE
+from .restitution import constant, interpolation
 
 Friction = Callable[[float], float]
 
@@ -27,16 +30,9 @@ def stribeck(static: float, kinetic: float, speed: float) -> Friction:
 
     Source: Bo & Pavelescu, "The friction-speed relation and its influence on the critical velocity of
     stick-slip motion", Wear 82 (1982) 277-289, with the exponent 1.
-
-    Raises:
-        ValueError: if a coefficient is negative or not finite, or ``speed`` is not positive and finite.
     """
-    for name, value in (("static", static), ("kinetic", kinetic)):
-        if not 0 <= value < math.inf:
-            raise ValueError(f"{name} must be finite and not negative, is {value}")
-    if not 0 < speed < math.inf:
-        raise ValueError(f"speed must be positive and finite, is {speed}")
-    return partial(_stribeck, float(static), float(kinetic), float(speed))
+    coefficients = constant("static", static), constant("kinetic", kinetic)
+    return partial(_stribeck, *coefficients, constant("speed", speed, POSITIVE))
 
 
 def _stribeck(static: float, kinetic: float, speed: float, v: float) -> float:
@@ -47,10 +43,7 @@ def tabulated(speeds: Sequence[float], values: Sequence[float]) -> Friction:
     """Measured coefficients, interpolated linearly; beyond the first and last speed the value stays constant.
 
     Args:
-        speeds: slip speeds [m/s], >= 0, strictly increasing, at least one.
+        speeds: slip speeds [m/s], >= 0, strictly increasing as floats, at least one.
         values: coefficients, >= 0 and finite, one for each speed.
-
-    Raises:
-        ValueError: if the speeds or values break these conditions.
     """
-    return restitution.tabulated(speeds, values, most=math.inf)
+    return interpolation(speeds, values, math.inf)

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
 from typing import Any, NamedTuple, ParamSpec
 
+from ..arguments import as_list, real_number
 from ..numbers.operations import Scalar
 from ..status import ImpactError, StatusCode, format_value
 from .tensor import ZERO_TENSOR, Symmetric3
@@ -49,11 +50,9 @@ def of_particles(particles: Iterable[Particle]) -> MassProperties:
 
     Raises:
         ValueError: if the sum of the masses is not positive, or there is no particle.
+        TypeError: if ``particles`` does not hold a mass and a position each, made of real numbers.
     """
-    particles = [
-        Particle(_plain(mass), Vec3(*map(_plain, as_vector("position", position))))
-        for mass, position in particles
-    ]
+    particles = [_particle(f"particles[{i}]", one) for i, one in enumerate(as_list("particles", particles))]
     mass = sum(p.mass for p in particles)
     if not mass > 0:
         raise ValueError(f"the particles' masses must add up to more than 0, not {mass}")
@@ -65,6 +64,17 @@ def of_particles(particles: Iterable[Particle]) -> MassProperties:
             m * (y * y + z * z), -m * x * y, -m * x * z, m * (x * x + z * z), -m * y * z, m * (x * x + y * y)
         )
     return MassProperties(mass, com, inertia)
+
+
+def _particle(name: str, given: Any) -> Particle:
+    try:
+        mass, position = given
+    except (TypeError, ValueError):
+        raise TypeError(f"{name}: must be a mass and a position, is {format_value(given)}") from None
+    position = as_vector(f"{name}.position", position)
+    return Particle(
+        real_number(f"{name}.mass", mass), Vec3(*(real_number(f"{name}.position", x) for x in position))
+    )
 
 
 def _within_float64(solid: Callable[P, MassProperties]) -> Callable[P, MassProperties]:
@@ -201,17 +211,12 @@ def rod(mass: Scalar, length: Scalar) -> MassProperties:
 
 def _checked(**numbers: Scalar) -> list[Scalar]:
     """Return the numbers for use in formulas. Raises: as the head of this file says."""
-    for name, x in numbers.items():
-        if type(x).__name__.startswith("bool") or not hasattr(x, "__float__"):
-            raise TypeError(f"{name}: must be a real number, is {x!r}")
+    # Numbers of Python: small ones of NumPy overflow or lose digits.
+    checked = [real_number(name, x) for name, x in numbers.items()]
+    for name, x in zip(numbers, checked, strict=True):
         if x < 0:
             raise ValueError(f"{name}: must be at least 0, is {format_value(x, str)}")
-    return list(map(_plain, numbers.values()))
-
-
-def _plain(x: Scalar) -> Scalar:
-    """Return a number of NumPy as one of Python: small integers and floats overflow or lose digits."""
-    return x.item() if hasattr(x, "item") else x
+    return checked
 
 
 def _principal(mass: Scalar, xx: Scalar, yy: Scalar, zz: Scalar) -> MassProperties:

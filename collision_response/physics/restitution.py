@@ -2,6 +2,9 @@
 
 Each function here takes constants of the materials and returns a function ``e(v)``: the coefficient in [0, 1]
 for an approach speed ``v`` >= 0 [m/s]. The returned functions can be pickled.
+
+Constants are real numbers of any type. Each function here raises ``ImpactError``, which is a ``ValueError``,
+with the name of a constant that is out of range, and ``TypeError`` with the name of one that is no number.
 """
 
 from __future__ import annotations
@@ -12,6 +15,10 @@ from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import pairwise
+from typing import Any
+
+from ..arguments import as_list, check_number
+from ..status import POSITIVE, ImpactError, StatusCode
 
 Restitution = Callable[[float], float]
 
@@ -29,14 +36,8 @@ def viscoelastic(beta: float) -> Restitution:
 
     Args:
         beta: ``(3/2) A k^(2/5)`` [(s/m)^(1/5)], >= 0.
-
-    Raises:
-        ValueError: if ``beta`` is negative or not finite.
     """
-    if not 0 <= beta < math.inf:
-        raise ValueError(f"beta must be finite and not negative, is {beta}")
-
-    return partial(_viscoelastic, float(beta))
+    return partial(_viscoelastic, constant("beta", beta))
 
 
 def _viscoelastic(beta: float, v: float) -> float:
@@ -58,11 +59,8 @@ def plastic(yield_speed: float) -> Restitution:
 
     Args:
         yield_speed: greatest approach speed without plastic deformation [m/s], > 0.
-
-    Raises:
-        ValueError: if ``yield_speed`` is not positive and finite.
     """
-    return partial(_plastic, float(yield_speed), johnson(yield_speed))
+    return partial(_plastic, constant("yield_speed", yield_speed, POSITIVE), johnson(yield_speed))
 
 
 def _plastic(yield_speed: float, at_high_speed: Restitution, v: float) -> float:
@@ -86,18 +84,13 @@ def power_law(restitution: float, speed: float, exponent: float) -> Restitution:
         restitution: the coefficient at ``speed``, in (0, 1].
         speed: approach speed at which it was measured [m/s], > 0.
         exponent: >= 0.
-
-    Raises:
-        ValueError: if ``restitution`` is not in (0, 1], ``speed`` is not positive and finite, or
-            ``exponent`` is negative or not finite.
     """
-    if not 0 < restitution <= 1:
-        raise ValueError(f"restitution must be in (0, 1], is {restitution}")
-    if not 0 < speed < math.inf:
-        raise ValueError(f"speed must be positive and finite, is {speed}")
-    if not 0 <= exponent < math.inf:
-        raise ValueError(f"exponent must be finite and not negative, is {exponent}")
-    return partial(_power_law, float(restitution), float(speed), float(exponent))
+    return partial(
+        _power_law,
+        constant("restitution", restitution, POSITIVE, 1),
+        constant("speed", speed, POSITIVE),
+        constant("exponent", exponent),
+    )
 
 
 def _power_law(restitution: float, speed: float, exponent: float, v: float) -> float:
@@ -130,38 +123,39 @@ def johnson(yield_speed: float) -> Restitution:
 
     Args:
         yield_speed: greatest approach speed without plastic deformation [m/s], > 0.
-
-    Raises:
-        ValueError: if ``yield_speed`` is not positive and finite.
     """
-    if not 0 < yield_speed < math.inf:
-        raise ValueError(f"yield_speed must be positive and finite, is {yield_speed}")
-    return partial(_power_law, math.sqrt(6 * math.sqrt(3) / 5) * (24 / 5) ** -0.125, float(yield_speed), 0.25)
+    at_yield_speed = math.sqrt(6 * math.sqrt(3) / 5) * (24 / 5) ** -0.125
+    return partial(_power_law, at_yield_speed, constant("yield_speed", yield_speed, POSITIVE), 0.25)
 
 
-def tabulated(speeds: Sequence[float], values: Sequence[float], most: float = 1.0) -> Restitution:
+def tabulated(speeds: Sequence[float], values: Sequence[float]) -> Restitution:
     """Measured values, interpolated linearly; beyond the first and last speed the value stays constant.
 
     Args:
-        speeds: approach speeds [m/s], >= 0, strictly increasing, at least one.
-        values: in [0, ``most``] and finite, one for each speed.
-        most: upper limit of the values.
-
-    Raises:
-        ValueError: if the speeds or values break these conditions.
+        speeds: approach speeds [m/s], >= 0, strictly increasing as floats, at least one.
+        values: in [0, 1], one for each speed.
     """
-    speeds, values = tuple(speeds), tuple(values)
-    if not speeds or len(speeds) != len(values):
-        counts = f"{len(speeds)} and {len(values)}"
-        raise ValueError(f"speeds and values must have the same length, at least 1; have {counts}")
-    rising = all(a < b for a, b in pairwise(speeds))
-    if not rising or speeds[0] < 0 or not math.isfinite(speeds[-1]):
-        raise ValueError(f"speeds must be finite, not negative and strictly increasing, are {list(speeds)}")
-    for value in values:
-        if not (0 <= value <= most and value < math.inf):
-            raise ValueError(f"values must be finite and in [0, {most:g}], one is {value}")
+    return interpolation(speeds, values, 1)
 
-    return partial(_interpolated, tuple(map(float, speeds)), tuple(map(float, values)))
+
+def interpolation(speeds: Sequence[float], values: Sequence[float], most: float) -> Restitution:
+    """As :func:`tabulated`, with values in [0, ``most``]."""
+    v, y = (
+        tuple(constant(f"{name}[{i}]", x, 0, limit) for i, x in enumerate(as_list(name, given)))
+        for name, given, limit in (("speeds", speeds, math.inf), ("values", values, most))
+    )
+    if not v or len(v) != len(y):
+        reason = f"must be as many as values, at least 1; are {len(v)} and {len(y)}"
+        raise ImpactError(StatusCode.INVALID_COEFFICIENT, "speeds", reason)
+    if not all(a < b for a, b in pairwise(v)):
+        reason = f"must be strictly increasing, are {list(v)}"
+        raise ImpactError(StatusCode.INVALID_COEFFICIENT, "speeds", reason)
+    return partial(_interpolated, v, y)
+
+
+def constant(name: str, value: Any, least: float = 0, most: float = math.inf) -> float:
+    """Return a constant of a function as a float. Raises: as the head of this file says."""
+    return check_number(name, value, least, most, StatusCode.INVALID_COEFFICIENT)
 
 
 def _interpolated(speeds: Sequence[float], values: Sequence[float], v: float) -> float:

@@ -16,7 +16,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from ..arguments import real_number
 from ..numbers.operations import Scalar
+from ..status import ImpactError, StatusCode, format_value
 
 
 class Elastic(NamedTuple):
@@ -35,17 +37,31 @@ def stiffness_ratio(a: Elastic, b: Elastic) -> Scalar:
         a, b: the materials; one of them may be rigid, with an infinite shear modulus.
 
     Raises:
-        ValueError: if a Poisson's ratio is not in (-1, 1/2] or a modulus is not positive, or if both
-            materials are rigid.
+        ImpactError: INVALID_COEFFICIENT, if a Poisson's ratio is not in (-1, 1/2] or a modulus is not
+            positive, or if both materials are rigid.
+        TypeError: if a material is not an :class:`Elastic`, or a number of it is not a real number.
     """
-    for nu, G in (a, b):
-        if not (-1 < nu <= 0.5 and G > 0):
-            raise ValueError(f"Poisson's ratio must be in (-1, 1/2], the modulus above 0; are {nu} and {G}")
+    a, b = _checked("a", a), _checked("b", b)
     normal = (1 - a.poisson_ratio) / a.shear_modulus + (1 - b.poisson_ratio) / b.shear_modulus
     tangential = (1 - a.poisson_ratio / 2) / a.shear_modulus + (1 - b.poisson_ratio / 2) / b.shear_modulus
     if not tangential > 0:
-        raise ValueError("both materials are rigid: their stiffness has no ratio")
+        reason = "or that of a must be finite: two rigid materials have no ratio of stiffnesses"
+        raise ImpactError(StatusCode.INVALID_COEFFICIENT, "b.shear_modulus", reason)
     return normal / tangential  # compliances, so the ratio of stiffnesses is this way up
+
+
+def _checked(name: str, material: Elastic) -> Elastic:
+    if not isinstance(material, Elastic):
+        raise TypeError(f"{name}: must be an Elastic, is {format_value(material)}")
+    nu, G = (real_number(f"{name}.{field}", x) for field, x in material._asdict().items())
+    for field, x, holds, requirement in (
+        ("poisson_ratio", nu, -1 < nu <= 0.5, "in (-1, 0.5]"),
+        ("shear_modulus", G, G > 0, "positive"),
+    ):
+        if not holds:
+            reason = f"must be {requirement}; is {format_value(x, str)}"
+            raise ImpactError(StatusCode.INVALID_COEFFICIENT, f"{name}.{field}", reason)
+    return Elastic(nu, G)
 
 
 METAL_ON_METAL = 14 / 17

@@ -20,9 +20,10 @@ from geometry_msgs.msg import Twist as TwistMessage
 from geometry_msgs.msg import Vector3
 
 from ..answer import NUMBERS, Impact
+from ..arguments import check_number
 from ..body_conversions import IDENTITY_QUATERNION
 from ..materials import RANGES, Pair, combined_coefficient
-from ..model import ENUMERATIONS, Adjustment, ImpactModel, Precision, check_number
+from ..model import ENUMERATIONS, Adjustment, ImpactModel, Precision
 from ..msg import BodyState, CollisionResult, SceneResult
 from ..msg import Contact as ContactMessage
 from ..msg import ImpactModel as ImpactModelMessage

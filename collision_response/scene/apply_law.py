@@ -19,7 +19,7 @@ from typing import Any
 
 from ..in_python.request_numbers import body_as_fractions, contact_as_fractions
 from ..kernels import library
-from ..numbers.operations import Scalar
+from ..numbers.operations import ROUNDOFF, Scalar
 from ..physics.body import Twist
 from ..physics.column import Column
 from ..physics.contact import Contact
@@ -187,6 +187,6 @@ def _as_floats(
     """Convert the impulses of an exact cluster to those of the compiled one, rounded to floats."""
     normal = cluster.impulses_from_floats([float(x) for x in exact.least_norm(impulses.normal)])
     e = None if impulses.restitution is None else float(impulses.restitution)
-    error = cluster.velocity_size(normal) * 2.0**-53
+    error = cluster.velocity_size(normal) * ROUNDOFF
     margin = float(impulses.margin)
     return ClusterImpulses(normal, error=error, margin=margin, restitution=e, no_rebound=impulses.no_rebound)

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
+from ..arguments import check_number
 from ..in_python.coefficients_at_speed import initial_friction, restitution_at_speed
 from ..in_python.request_numbers import as_fraction
 from ..kernels import library
-from ..model import check_number
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Law

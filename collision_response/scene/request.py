@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from numbers import Integral
 from typing import Any, NamedTuple, TypeVar
 
 from .. import validity
+from ..arguments import as_list, check_count, check_number
 from ..in_python.request_numbers import read_request
 from ..kernels import library
-from ..model import ImpactModel, check_number
+from ..model import ImpactModel
 from ..numbers.operations import Scalar
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Law
-from ..status import ImpactError, StatusCode, format_value, renamed
+from ..status import POSITIVE, ImpactError, StatusCode, format_value, renamed
 from .clusters import Pair
 
 T = TypeVar("T")
+
+MOST_ORDERS = 1000
+"""Greatest number of orders to try. A few show whether the order matters."""
 
 
 class SceneRequest(NamedTuple):
@@ -97,14 +100,6 @@ def check_request(bodies: Iterable[Any], pairs: Iterable[Any], contacts: Iterabl
     return SceneRequest(bodies, pairs, contacts, movable, has_friction)
 
 
-def as_list(field: str, values: Iterable[Any]) -> list[Any]:
-    """Return a list of values. Raises: TypeError: if they are not iterable."""
-    try:
-        return list(values)
-    except TypeError:
-        raise TypeError(f"{field}: must be a sequence, is {format_value(values)}") from None
-
-
 def _holds(field: str, number: Any, condition: Callable[[Any], Any]) -> bool:
     """Return whether a number satisfies a condition. Raises: TypeError: if it is not a number."""
     try:
@@ -131,16 +126,14 @@ def check_options(threshold: Any, stiffness: Any, exponent: Any, orders: Any, co
     """
     check_number("threshold", threshold, 0, math.nextafter(1, 0), StatusCode.INVALID_MODEL)
     check_number("exponent", exponent, 1, 10, StatusCode.INVALID_MODEL)
-    check_number("orders", orders, 0, math.inf, StatusCode.INVALID_MODEL)
-    if not isinstance(orders, (int, Integral)):
-        raise TypeError(f"orders: must be a whole number, is {orders!r}")
+    check_count("orders", orders, 0, MOST_ORDERS, StatusCode.INVALID_MODEL)
     if stiffness is not None:
         if len(stiffness) != contacts:
             raise ValueError(
                 f"stiffness: must be one for each contact; are {len(stiffness)} for {contacts} contacts"
             )
         for i, k in enumerate(stiffness):
-            check_number(f"stiffness[{i}]", k, math.nextafter(0, 1), math.inf, StatusCode.INVALID_MODEL)
+            check_number(f"stiffness[{i}]", k, POSITIVE, math.inf, StatusCode.INVALID_MODEL)
 
 
 class ContactIndices(NamedTuple):

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from ..arguments import check_number
 from ..geometry import suffices
 from ..in_python.request_numbers import body_as_fractions, contact_as_fractions
 from ..kernels import library
-from ..model import Adjustment, Geometry, ImpactModel, Precision, check_number
+from ..model import Adjustment, Geometry, ImpactModel, Precision
 from ..physics.laws import Law
 from ..status import ImpactError, StatusCode
 from .apply_law import apply_law

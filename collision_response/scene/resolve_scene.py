@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
+from ..arguments import as_list
 from ..in_python.request_numbers import body_as_fractions, contact_as_fractions, read_request
 from ..kernels import library
 from ..model import DEFAULT, Adjustment, Geometry, ImpactModel, Precision, check_model, law_for, plan_model
@@ -28,7 +29,6 @@ from .request import (
     ContactIndices,
     SceneOptions,
     SceneRequest,
-    as_list,
     check_options,
     check_request,
     with_scene_names,
@@ -74,7 +74,8 @@ def resolve_scene(
         stiffness: for ROUTH_STRONGE, the stiffness of each contact, > 0, in any unit. Equal if left out.
         exponent: for ROUTH_STRONGE, the exponent of the contact forces, in [1, 10]: 1 is linear, 1.5 is
             Hertz.
-        orders: number of orders to try for ``order_sensitivity``. Each one takes longer than the answer.
+        orders: number of orders to try for ``order_sensitivity``, at most 1000. Each one takes longer than
+            the answer.
 
     Raises:
         ImpactError: if the scene cannot be resolved; ``field`` names the body, the pair or the contact.

@@ -48,6 +48,7 @@ Friction", J. Appl. Mech. 53 (1986); Stronge, "Rigid body collisions with fricti
 from __future__ import annotations
 
 from ...numbers.operations import (
+    ROUNDOFF,
     Scalar,
     certain,
     choose,
@@ -88,9 +89,6 @@ COARSEST = 4e-9
 GREATEST_FRICTION = 1e100
 """More friction counts as this: slip stops within 1e-100 of its impulse. The error bound includes the
 difference."""
-
-ROUNDING = 2.0**-53
-"""Relative rounding of the data of the path where slip turns."""
 
 LEAST_RESTITUTION = 1e-140
 """Less restitution returns nothing that counts."""
@@ -164,7 +162,7 @@ def _with_rounding(
     path: Path, s: Scalar, y: TurningSlip, e_A: Scalar, e_b: Scalar, e_slip: Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:
     """The errors of ``A``, ``b`` and the slip ``s`` if these were rounded to floats where slip turned."""
-    unit = choose(certain(y.slip_error) > 0, lambda: ROUNDING + 0 * s, lambda: 0 * s)
+    unit = choose(certain(y.slip_error) > 0, lambda: ROUNDOFF + 0 * s, lambda: 0 * s)
     b = abs(path.b1) + abs(path.b2)
     return e_A + 2 * unit * (path.A11 + path.A22), e_b + unit * b, e_slip + 2 * unit * s
 

@@ -1,0 +1,97 @@
+"""Numbers that a caller gives: checked here, and refused by the name of the argument."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+from .numbers.operations import of_python
+from .status import ImpactError, StatusCode, format_range, format_value
+
+
+def is_real(value: Any) -> bool:
+    """Whether a value is a real number of any type, or an array of them; truth values and dates are not."""
+    if isinstance(value, (bool, complex, str)) or type(value).__name__.startswith("Masked"):
+        return False
+    kind = getattr(getattr(value, "dtype", None), "kind", "f")
+    return hasattr(value, "__float__") and kind not in "bcmMSU"
+
+
+def real_number(field: str, value: Any) -> Any:
+    """Return a real number; one of NumPy as one of Python.
+
+    Raises:
+        TypeError: if ``value`` is not a real number, or is an array.
+    """
+    number = of_python(value)
+    try:
+        if not (is_real(value) and is_real(number)) or getattr(number, "shape", None):
+            raise TypeError
+        float(number)
+    except OverflowError:  # an integer or a fraction beyond float64
+        return number
+    except (TypeError, ValueError):  # a decimal that signals has no float
+        raise TypeError(f"{field}: must be a real number, is {format_value(value)}") from None
+    return number
+
+
+def check_number(
+    field: str,
+    value: Any,
+    least: float,
+    most: float,
+    code: StatusCode,
+    not_finite: StatusCode = StatusCode.NOT_FINITE,
+) -> float:
+    """Check that a value is a finite real number in ``[least, most]``, and return it as a float.
+
+    Args:
+        field: the name of the value, for the error.
+        value: the value to check.
+        least, most: the range.
+        code: the code of the error if the value is out of range.
+        not_finite: the code of the error if the value is infinite or NaN.
+
+    Raises:
+        ImpactError: ``code`` or ``not_finite``.
+        TypeError: if ``value`` is not a real number: a boolean, a complex number, text or an array.
+    """
+    number = real_number(field, value)
+    try:
+        finite = math.isfinite(number)
+    except OverflowError:  # an integer beyond float64
+        finite = False
+    if not finite:
+        raise ImpactError(not_finite, field, f"must be finite; is {format_value(number, str)}")
+    try:
+        is_in_range = least <= number <= most
+    except TypeError:  # it can be converted, but not compared
+        is_in_range = least <= float(number) <= most
+    if not is_in_range:
+        reason = f"must be {format_range(least, most)}; is {format_value(number, str)}"
+        raise ImpactError(code, field, reason)
+    return float(number)
+
+
+def check_count(field: str, value: Any, least: int, most: float, code: StatusCode) -> int:
+    """Check that a value is a whole number in ``[least, most]``, and return it as an ``int``.
+
+    Raises:
+        ImpactError: ``code``, if it is out of range.
+        TypeError: if it is not a whole number of Python or NumPy.
+    """
+    number = of_python(value)
+    if not (is_real(value) and isinstance(number, int)):
+        raise TypeError(f"{field}: must be a whole number, is {format_value(value)}")
+    if not least <= number <= most:
+        raise ImpactError(code, field, f"must be {format_range(least, most)}; is {format_value(number, str)}")
+    return number
+
+
+def as_list(field: str, values: Iterable[Any]) -> list[Any]:
+    """Return a list of values. Raises: TypeError: if they are not iterable."""
+    try:
+        return list(values)
+    except TypeError:
+        raise TypeError(f"{field}: must be a sequence, is {format_value(values)}") from None
