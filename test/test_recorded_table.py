@@ -8,6 +8,7 @@ import re
 import shlex
 import subprocess
 import sys
+import tracemalloc
 from fractions import Fraction
 from html.parser import HTMLParser
 from pathlib import Path
@@ -102,7 +103,7 @@ def all_kinds(recording):
 
 
 def test_every_field_of_an_answer_is_a_column(all_kinds):
-    rows = rows_of(read([all_kinds]))
+    rows = [*rows_of(read([all_kinds]))]
     asked = [*requests()]
     assert [row["answer"] for row in rows] == [*range(1, len(asked) + 1), 100]
     for row, request in zip(rows, asked, strict=False):
@@ -524,12 +525,27 @@ def scene(number, law=Law.AUTO, e=0.5):
     return SceneRecord(10**18 + number, number, ["box", "the floor"], *asked, resolve_scene(*asked))
 
 
+@pytest.mark.parametrize("command", ["report", "replay"])
+@pytest.mark.parametrize("kind", ["impacts", "scenes"])
+def test_memory_does_not_grow_by_python_numbers(recording, kind, command, capsys):
+    """A recorded impact or scene is some 100 numbers, of which lists of Python take 4 kB, a table 1 kB."""
+    one = scene(1) if kind == "scenes" else record(1, next(requests()))
+    peaks = []
+    for count in (3000, 6000):  # plots show at most 3000
+        path = recording([one._replace(sequence=number) for number in range(1, count + 1)], f"{count}.rrd")
+        tracemalloc.start()
+        assert main([command, str(path)]) == 0
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] - peaks[0] < 3000 * 1000
+
+
 def test_scenes_are_read_and_replayed(recording, capsys):
     ball = Body.sphere(2.0, 0.1, position=(0.0, 0.0, 0.1), velocity=(1.0, 0.5, -3.0))
     single = record(1, (ball, FLOOR, Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.3), ImpactModel()))
     scenes = [scene(2), scene(3, Law.FRICTIONLESS), scene(4, Law.MOREAU, e=lambda speed: 1 / (1 + speed))]
     path = recording([single, *scenes])
-    rows = rows_of(scenes_table.read([path]))
+    rows = [*rows_of(scenes_table.read([path]))]
     assert [row["answer"] for row in rows] == [2, 3, 4]
     assert [row["law"] for row in rows] == ["COULOMB", "FRICTIONLESS", "MOREAU"]
     for row, entry in zip(rows, scenes, strict=True):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from itertools import chain
 from typing import Any
 
 from ..recording import scenes, table
@@ -27,18 +28,18 @@ def main(arguments: list[str]) -> int:
     )
     given = parser.parse_args(arguments)
     try:
-        impact_rows, scene_rows = (table.rows_of(module.read(given.files)) for module in (table, scenes))
+        (impacts, _), scene_table = table.divide(table.read(given.files)), scenes.read(given.files)
     except (OSError, RuntimeError, ValueError) as error:
         print(f"collision_response replay: {error}", file=sys.stderr)
         return 2
     differing = 0
-    answers = [
-        (row, table.differences, f"{row['body_a']} on {row['body_b']}")
-        for row in impact_rows
-        if table.is_answer(row)
-    ]
-    impacts = len(answers)
-    answers += [(row, scenes.differences, f"scene of {', '.join(row['bodies'])}") for row in scene_rows]
+    answers = chain(
+        ((row, table.differences, f"{row['body_a']} on {row['body_b']}") for row in table.rows_of(impacts)),
+        (
+            (row, scenes.differences, f"scene of {', '.join(row['bodies'])}")
+            for row in table.rows_of(scene_table)
+        ),
+    )
     for row, differences, name in answers:
         try:
             reported = [d for d in differences(row) if _relative_difference(*d[1:]) > given.tolerance]
@@ -48,7 +49,7 @@ def main(arguments: list[str]) -> int:
         differing += bool(reported)
         for column, before, now in reported:
             print(f"answer {row['answer']}, {name}: {column} was {before}, is {now}")
-    computed = f"{impacts} impacts" + (f" and {len(scene_rows)} scenes" if scene_rows else "")
+    computed = f"{len(impacts)} impacts" + (f" and {len(scene_table)} scenes" if scene_table else "")
     print(f"{computed} computed again, {differing} of them with different answers")
     return 1 if differing else 0
 

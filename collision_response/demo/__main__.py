@@ -97,11 +97,11 @@ def check_recording(impacts: int) -> Iterator[str]:
     from ..recording import scenes, table
 
     try:
-        rows, scene_rows = table.rows_of(table.read([RECORDING])), scenes.read([RECORDING])
+        answers, _ = table.divide(table.read([RECORDING]))
+        recorded = len(answers) + len(scenes.read([RECORDING]))
     except (RuntimeError, ValueError) as error:  # it is damaged or not complete
         yield str(error)
         return
-    recorded = sum(map(table.is_answer, rows)) + scene_rows.num_rows
     print(f"The node has recorded {recorded} impacts and scenes. To see them: {viewer()} {RECORDING}")
     if recorded != impacts:
         yield f"{RECORDING} has {recorded} impacts instead of {impacts}"

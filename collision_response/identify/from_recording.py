@@ -51,7 +51,7 @@ def read_impacts(path: Path, within: float) -> Impacts:
         raise OSError(str(error)) from None
     if "ros_time" in impacts.column_names:
         impacts = impacts.append_column("stamp", impacts["ros_time"].cast("int64"))
-    answered = [row for row in table.rows_of(impacts) if table.is_answer(row)]
+    answered = [*table.rows_of(table.divide(impacts)[0])]
     if not answered:
         raise ImpactError(StatusCode.INVALID_TABLE, table.TABLE, f"there are none in {path}")
     bodies = {side: [with_com_as_reference(table.body_of(row, side)) for row in answered] for side in "ab"}

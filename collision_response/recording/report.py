@@ -11,15 +11,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..body_conversions import ROWS
 from .colours import BLUE, GREY, ORANGE, REGIMES, Colour
-from .rerun_sdk import pa
-from .table import is_answer, rows_of
+from .rerun_sdk import compute, pa
+from .table import divide, rows_of
 from .viewer_layout import CAUSES
 
 SHOWN = 3000
 """Greatest number of points in a plot. Of more impacts, evenly spaced ones are shown; the tables use all."""
 
 LISTED = 10
+
+TWIST_SIZE = 6
+"""Number of the last rows of a body, which are its twist."""
 
 MOST = 1e300
 """Values beyond this are drawn at the edge of a plot, so that the range of an axis does not overflow."""
@@ -28,33 +32,33 @@ Row = dict[str, Any]
 
 
 class Summary(NamedTuple):
-    """The rows of a recording.
+    """The tables of a recording.
 
     Attributes:
-        answers: impacts with an answer.
+        answers: impacts with an answer, without their requests.
         refusals: refused requests.
         residuals: for each answer, by how much the energies before, after and lost disagree, relative to the
             energy before. NaN if an immovable body moves: then it does work.
         scenes: scenes, each with an answer.
     """
 
-    answers: list[Row]
-    refusals: list[Row]
+    answers: pa.Table
+    refusals: pa.Table
     residuals: np.ndarray
-    scenes: list[Row]
+    scenes: pa.Table
 
     @classmethod
     def of(cls, impacts: pa.Table, scenes: pa.Table) -> Summary:
         """Sort the tables that ``read`` of ``recording.table`` and of ``recording.scenes`` return."""
-        rows = rows_of(impacts)
-        answers = [row for row in rows if is_answer(row)]
+        answers, refusals = divide(impacts)
         before, after = _column(answers, "kinetic_energy_before"), _column(answers, "kinetic_energy_after")
         restitution, friction = (_column(answers, f"energy_lost_{cause}") for cause in CAUSES)
         with np.errstate(over="ignore"):
             gap = abs(before - after - restitution - friction)
-            gap[[any(map(_is_driven, (row["request_a"], row["request_b"]))) for row in answers]] = math.nan
+            gap[_is_driven(answers, "request_a") | _is_driven(answers, "request_b")] = math.nan
             residuals = np.divide(gap, before, out=np.zeros_like(gap), where=before > 0)
-        return cls(answers, [row for row in rows if not is_answer(row)], residuals, rows_of(scenes))
+        shown = [name for name in answers.column_names if not name.startswith("request_")]
+        return cls(answers.select(shown), refusals, residuals, scenes)
 
 
 def in_words(summary: Summary) -> list[str]:
@@ -62,25 +66,25 @@ def in_words(summary: Summary) -> list[str]:
     answers, scenes = summary.answers, summary.scenes
     lines = [f"{len(answers)} impacts, {len(summary.refusals)} refusals"]
     if answers:
-        lost = sum(row["energy_lost_restitution"] for row in answers)
-        lost_by_friction = sum(row["energy_lost_friction"] for row in answers)
+        with np.errstate(over="ignore"):
+            lost, lost_by_friction = (_column(answers, f"energy_lost_{cause}").sum() for cause in CAUSES)
         slowest, loosest = _largest(answers, "duration")[:1], _largest(answers, "error_bound")[0]
         lines += [
-            f"laws: {_counted(row['law'] for row in answers)}",
-            f"regimes: {_counted(row['regime'] for row in answers)}",
+            f"laws: {_counted(answers['law'])}",
+            f"regimes: {_counted(answers['regime'])}",
             f"energy lost: {lost:.6g} J by restitution, {lost_by_friction:.6g} J by friction",
             f"energy unaccounted for: at most {_greatest(summary.residuals):.2g} of that before an impact",
             f"error bound: at most {loosest['error_bound']:.2g} (answer {loosest['answer']})",
             *(f"slowest: {_microseconds(row)} us (answer {row['answer']})" for row in slowest),
         ]
-        adjusted = [row["adjustments"] for row in answers if row["adjustments"] != "NONE"]
-        if adjusted:
+        adjusted = answers["adjustments"].filter(compute.not_equal(answers["adjustments"], "NONE"))
+        if len(adjusted):
             lines.append(f"adjusted: {_counted(adjusted)}")
     if scenes:
         loosest = _largest(scenes, "error_bound")[0]
-        contacts, laws = sum(len(row["regimes"]) for row in scenes), _counted(row["law"] for row in scenes)
+        contacts = len(compute.list_flatten(scenes["regimes"]))
         lines += [
-            f"{len(scenes)} scenes of {contacts} contacts in all, by {laws}",
+            f"{len(scenes)} scenes of {contacts} contacts in all, by {_counted(scenes['law'])}",
             f"error bound of scenes: at most {loosest['error_bound']:.2g} (answer {loosest['answer']})",
         ]
     lines += [f"refused {number} times: {what}" for what, number in _refused(summary).most_common(LISTED)]
@@ -127,7 +131,7 @@ def _residual_plot(summary: Summary, shown: np.ndarray) -> SvgPlot:
     key = {"found": BLUE, "error bound of the answer": ORANGE}
     title = "Energy unaccounted for, relative"
     plot = SvgPlot(title, "answer", _limits(number), (-18.0, 0.0), log_y=True, key=key)
-    titles = [_label(summary.answers[i]) for i in shown]
+    titles = [*map(_label, rows_of(summary.answers.take(shown)))]
     for colour, values in ((ORANGE, bounds), (BLUE, summary.residuals)):
         heights = np.log10(np.clip(values[shown], 1e-18, 1.0))
         plot.points(number[shown], heights, [colour] * len(shown), titles)
@@ -136,7 +140,7 @@ def _residual_plot(summary: Summary, shown: np.ndarray) -> SvgPlot:
 
 def _time_plot(summary: Summary, shown: np.ndarray) -> SvgPlot | None:
     """The durations, or ``None`` if none is known."""
-    rows, number = [summary.answers[i] for i in shown], _column(summary.answers, "answer")
+    rows, number = summary.answers.take(shown), _column(summary.answers, "answer")
     duration = _column(rows, "duration")
     if not np.isfinite(duration).any():
         return None
@@ -147,7 +151,7 @@ def _time_plot(summary: Summary, shown: np.ndarray) -> SvgPlot | None:
 
 def _cone_plot(summary: Summary, shown: np.ndarray) -> SvgPlot | None:
     """The slopes of the impulses, or ``None`` if no impulse has a friction cone."""
-    rows = [summary.answers[i] for i in shown]
+    rows = summary.answers.take(shown)
     mu, along, across = (_column(rows, name) for name in ("friction", "normal_impulse", "tangential_impulse"))
     has_cone = (mu > 0) & (along > 0)
     if not has_cone.any():
@@ -165,14 +169,16 @@ def _cone_plot(summary: Summary, shown: np.ndarray) -> SvgPlot | None:
 def _tables(summary: Summary) -> Iterator[str]:
     """Tables, each with its heading. Tables without rows are left out."""
     answers, residuals = summary.answers, summary.residuals
-    unbalanced = [answers[i] | {"residual": residuals[i]} for i in np.argsort(-residuals)[:LISTED]]
+    worst = np.argsort(-residuals)[:LISTED]
+    with_residuals = zip(rows_of(answers.take(worst)), residuals[worst], strict=True)
+    unbalanced = [row | {"residual": residual} for row, residual in with_residuals]
     loosest_scenes = _largest(summary.scenes, "error_bound")
     for title, columns, rows in (
         ("Worst residuals of energy", (*IMPACT_COLUMNS, "residual"), unbalanced),
         ("Largest error bounds", IMPACT_COLUMNS, _largest(answers, "error_bound")),
         ("Slowest answers", IMPACT_COLUMNS, _largest(answers, "duration")),
         ("Several contacts at once: largest error bounds", SCENE_COLUMNS, loosest_scenes),
-        ("Refused requests", REFUSAL_COLUMNS, summary.refusals[:100]),
+        ("Refused requests", REFUSAL_COLUMNS, [*rows_of(summary.refusals[:100])]),
     ):
         if rows:
             yield f"<h2>{title}</h2>"
@@ -212,11 +218,12 @@ class SvgPlot:
                 dot = f'<circle cx="{a:.1f}" cy="{b:.1f}" r="2.5" fill="{_css(colour)}">'
                 self.marks.append(f"{dot}<title>{escape(title)}</title></circle>")
 
-    def impacts(self, x: np.ndarray, y: np.ndarray, rows: Sequence[Row]) -> None:
+    def impacts(self, x: np.ndarray, y: np.ndarray, rows: pa.Table) -> None:
         """Add a dot for each impact, with the colour of its regime; grey: a regime of another version."""
-        colours = [REGIMES.get(row["regime"], GREY) for row in rows]
-        self.points(x, y, colours, [*map(_label, rows)])
-        self.key |= dict(sorted(zip((row["regime"] for row in rows), colours, strict=True)))
+        regimes = rows["regime"].to_pylist()
+        colours = [REGIMES.get(regime, GREY) for regime in regimes]
+        self.points(x, y, colours, [*map(_label, rows_of(rows))])
+        self.key |= dict(sorted(zip(regimes, colours, strict=True)))
 
     def svg(self) -> str:
         """SVG text of the plot."""
@@ -286,8 +293,12 @@ SCENE_COLUMNS = ("answer", "bodies", "contacts", "law", *OF_ALL)
 REFUSAL_COLUMNS = ("answer", "code", "why")
 
 
-def _is_driven(body: list[float]) -> bool:
-    return body[0] == math.inf and any(body[17:])
+def _is_driven(answers: pa.Table, request: str) -> np.ndarray:
+    """Whether a body of each answer is immovable and moves."""
+    if not len(answers):
+        return np.zeros(0, bool)
+    body = compute.list_flatten(answers[request]).to_numpy().reshape(len(answers), ROWS)
+    return np.asarray((body[:, 0] == math.inf) & body[:, -TWIST_SIZE:].any(axis=1))
 
 
 def _css(colour: Colour) -> str:
@@ -315,14 +326,16 @@ def _evenly_chosen(count: int) -> np.ndarray:
     return np.unique(np.linspace(0, count - 1, min(count, SHOWN)).round().astype(int))
 
 
-def _column(rows: list[Row], name: str) -> np.ndarray:
-    return np.array([row[name] for row in rows], float)
+def _column(rows: pa.Table, name: str) -> np.ndarray:
+    """Return the numbers of a column. A table without rows may lack it."""
+    return np.asarray(rows[name] if len(rows) else [], float)
 
 
-def _largest(rows: list[Row], name: str) -> list[Row]:
+def _largest(rows: pa.Table, name: str) -> list[Row]:
     """Rows with the largest values of a column."""
-    known = [row for row in rows if not math.isnan(row[name])]
-    return sorted(known, key=lambda row: row[name], reverse=True)[:LISTED]
+    values = _column(rows, name)
+    order = np.argsort(-values, kind="stable")[:LISTED]  # NaN comes last
+    return [*rows_of(rows.take(order[~np.isnan(values[order])]))]
 
 
 def _greatest(values: np.ndarray) -> float:
@@ -337,12 +350,13 @@ def _microseconds(row: Row) -> str:
     return "" if math.isnan(row["duration"]) else f"{row['duration'] * 1e6:.1f}"
 
 
-def _counted(words: Iterable[str]) -> str:
-    return ", ".join(f"{number} {word}" for word, number in Counter(words).most_common())
+def _counted(words: pa.ChunkedArray) -> str:
+    return ", ".join(f"{number} {word}" for word, number in Counter(words.to_pylist()).most_common())
 
 
 def _refused(summary: Summary) -> Counter[str]:
-    return Counter(f"{row['status']} {(row['message'] or '').partition(':')[0]}" for row in summary.refusals)
+    rows = rows_of(summary.refusals)
+    return Counter(f"{row['status']} {(row['message'] or '').partition(':')[0]}" for row in rows)
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

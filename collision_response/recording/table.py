@@ -151,7 +151,9 @@ def read(
             tables.append(rows)
     if not tables:
         return pa.table({"status": pa.array([], pa.string())})
-    return pa.concat_tables(tables, promote_options="default").sort_by("answer")
+    whole = pa.concat_tables(tables, promote_options="default")
+    in_order = (np.diff(whole["answer"]) >= 0).all()
+    return whole if in_order else whole.sort_by("answer")  # which takes twice the memory again
 
 
 def open_complete(path: Path | str) -> RrdReader:
@@ -189,18 +191,16 @@ def _rows_in(batch: pa.RecordBatch, columns: Columns) -> pa.Table:
         if (own := f"{ARCHETYPE}:{name}") in batch.schema.names:
             lists = batch.column(own)
             lengths = {*compute.list_value_length(lists).to_pylist()}
-            is_single = kind not in (WORD_LIST, NUMBER_LIST) and lengths <= {1, None}
-            found[name] = compute.list_element(lists, 0) if is_single else lists
+            if kind in (WORD_LIST, NUMBER_LIST) or not lengths <= {1, None}:
+                found[name] = lists
+            else:  # without nulls this shares the memory
+                found[name] = compute.list_element(lists, 0) if None in lengths else lists.flatten()
     return pa.table(found)
 
 
 def _invalid_column(rows: pa.Table, columns: Columns, optional: Columns) -> str | None:
     """Return the name of a column that a row lacks, or that is of another kind, if there is one."""
-    parts = [(rows, columns)]
-    if "message" in rows.column_names:
-        is_refusal = rows["message"].is_valid()
-        parts = [(rows.filter(compute.invert(is_refusal)), columns), (rows.filter(is_refusal), REFUSAL)]
-    for part, required in parts:
+    for part, required in zip(divide(rows), (columns, REFUSAL), strict=True):
         for name, kind in (optional | required).items() if len(part) else ():
             values = part[name] if name in part.column_names else None
             is_missing = values is None or values.null_count > 0
@@ -225,14 +225,22 @@ def _are_of(kind: str | int, values: pa.ChunkedArray) -> bool:
     return bool(pa.types.is_floating(values.type) or pa.types.is_integer(values.type))
 
 
-def is_answer(row: dict[str, Any]) -> bool:
-    """Whether a row of the table is that of an answer, not of a refusal."""
-    return row.get("message") is None
+def divide(table: pa.Table) -> tuple[pa.Table, pa.Table]:
+    """Divide a table into its answers and its refusals."""
+    if "message" not in table.column_names:
+        return table, table.slice(0, 0)
+    is_refusal = table["message"].is_valid()
+    return table.filter(compute.invert(is_refusal)), table.filter(is_refusal)
 
 
-def rows_of(impacts: pa.Table) -> list[dict[str, Any]]:
-    """Rows of a table as dictionaries, without ``ros_time``, for which Python's times are too coarse."""
-    return impacts.select([name for name in impacts.column_names if name != "ros_time"]).to_pylist()
+def rows_of(table: pa.Table) -> Iterator[dict[str, Any]]:
+    """Yield the rows of a table as dictionaries, without ``ros_time``: times of Python are too coarse for it.
+
+    Few at once: as numbers of Python, they take ten times as much memory as in the table.
+    """
+    names = [name for name in table.column_names if name != "ros_time"]
+    for batch in table.select(names).to_batches(max_chunksize=1000):
+        yield from batch.to_pylist()
 
 
 def differences(row: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
