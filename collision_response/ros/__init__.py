@@ -13,6 +13,8 @@ The files::
     process.py, wheels.py    signals, timers, memory; releases of ROS
     batch_client.py, scene_client.py    for clients: requests from arrays and from bodies
     sources.py, markers.py    the nodes that publish body states, and markers
+
+In these files, to refuse is to raise an :class:`ImpactError` with the code in parentheses.
 """
 
 from .wheels import check_release

@@ -127,7 +127,7 @@ def compute(batch: BatchRequest, out: BatchResult) -> Iterator[None]:
 
 
 def layout_of(request: Request) -> Layout:
-    """Layout of the tables of a request."""
+    """Layout of the tables of a request. An unknown one is refused (INVALID_TABLE)."""
     if request.layout not in LAYOUTS:
         known = ", ".join(f"{layout.name} ({number})" for number, layout in LAYOUTS.items())
         reason = f"must be one of {known}; is {request.layout}"
@@ -136,7 +136,11 @@ def layout_of(request: Request) -> Layout:
 
 
 def pairs_of(request: Request, max_contacts: int) -> Array:
-    """Indices of the bodies of each contact, shape ``(2, N)``."""
+    """Indices of the bodies of each contact, shape ``(2, N)``.
+
+    Raises:
+        ImpactError: INVALID_TABLE if there is an odd number of them; BUDGET_EXCEEDED.
+    """
     indices = np.asarray(request.pairs)
     if indices.size % 2:
         reason = f"must hold two indices for each contact, holds {indices.size} in all"
@@ -148,7 +152,7 @@ def pairs_of(request: Request, max_contacts: int) -> Array:
 
 
 def contacts_of(request: Request, layout: Layout, n: int) -> Array:
-    """Table of the ``n`` contacts, shape ``(rows, n)``."""
+    """Table of the ``n`` contacts, shape ``(rows, n)``. Another number of rows is refused (INVALID_TABLE)."""
     numbers, contact_rows = np.asarray(request.contacts), layout.contacts
     rows = numbers.size // n if n else contact_rows.height
     fewest, most = contact_rows.friction.start, contact_rows.height + 1
@@ -159,7 +163,11 @@ def contacts_of(request: Request, layout: Layout, n: int) -> Array:
 
 
 def table_of(request: Request, layout: Layout) -> Array:
-    """Table of the bodies of a request that are given in full, shape ``(rows, bodies)``."""
+    """Table of the bodies of a request that are given in full, shape ``(rows, bodies)``.
+
+    Raises:
+        ImpactError: INVALID_TABLE if it is incomplete, or an index of ``immovable`` is beyond it.
+    """
     rows = layout.bodies
     table = table_in("bodies", request.bodies, rows.height, f" for {layout.name}")
     if request.immovable:
@@ -175,6 +183,10 @@ def bodies_of(
     """Collect the bodies of a request: those of the table, then the latest states of those given by name.
 
     A body given by name that cannot be used is no error: the others are used.
+
+    Raises:
+        StateNotYetReceived: if a body has no state that is recent enough.
+        ImpactError: BUDGET_EXCEEDED if there are too many names; as ``check_names``.
     """
     count, number = table.shape[1], number_of_names(request)
     max_names = 2 * max_contacts

@@ -54,6 +54,9 @@ class StateFinder:
         field: the field that holds the header of the contact, for errors.
         header: that header. Without a stamp, the contact is now.
         not_before: of the request: the earliest stamp accepted; 0: any.
+
+    Raises:
+        ImpactError: FRAME_MISMATCH if the header is not in the frame of the parameter ``world_frame``.
     """
 
     def __init__(
@@ -113,7 +116,7 @@ class StateFinder:
         return state, age
 
     def check(self, owner: str, state: BodyState, age: float) -> None:
-        """Refuse a received state that is too far in time from the contact, or not in its frame."""
+        """Refuse a received state too far in time from the contact (STALE_STATE), or not in its frame."""
         if self._max_age and not abs(age) <= self._max_age:
             fault = f"is {age:.6g} s old" if age > 0 else f"is {-age:.6g} s ahead: do the clocks agree?"
             if math.isnan(age):
@@ -123,7 +126,7 @@ class StateFinder:
         self.check_frame(owner, state)
 
     def check_frame(self, owner: str, state: BodyState) -> None:
-        """Refuse a body that is not in the frame of the contact."""
+        """Refuse a body that is not in the frame of the contact (FRAME_MISMATCH)."""
         frame = state.header.frame_id
         if frame != self._frame:
             reason = f"is {quoted(frame)}, but {self._frame_field} is {quoted(self._frame)}"
@@ -134,6 +137,9 @@ def complete(request: ResolveCollision.Request, finder: StateFinder) -> LookUp[l
     """Replace bodies given only by name by their latest states; return stamp and age of those of both bodies.
 
     The request is changed in place, but not if there is an error.
+
+    Raises:
+        ImpactError: as ``names_of``, and ``find`` and ``check`` of the finder.
     """
     yield from ()  # two bodies need no pause
     names = dict(zip(OWNERS, names_of(request), strict=True))
@@ -159,7 +165,11 @@ def _has_only_a_name(body: BodyState) -> bool:
 
 
 def names_of(request: ResolveCollision.Request) -> list[str]:
-    """Names of body_a and body_b, from the bodies or the contact; empty where there is none."""
+    """Names of body_a and body_b, from the bodies or the contact; empty where there is none.
+
+    Raises:
+        ImpactError: UNKNOWN_BODY if the two places differ; SAME_BODY.
+    """
     names = []
     for owner in OWNERS:
         name, name_in_contact = getattr(request, owner).name, getattr(request.contact, owner)
@@ -177,7 +187,7 @@ _getter = lru_cache(attrgetter)  # making one takes as long as using it
 
 
 def check_texts(request: Any, fields: Sequence[str]) -> None:
-    """Refuse a request with a text that is too long.
+    """Refuse a request with a text that is too long (BUDGET_EXCEEDED).
 
     Such texts are shortened in the request, because the refusal repeats some of them.
     """
@@ -195,7 +205,7 @@ def _too_long(field: str, length: int) -> ImpactError:
 
 
 def check_names(names: Sequence[str]) -> None:
-    """Refuse a list in which a name is too long or appears twice."""
+    """Refuse a list in which a name is too long (BUDGET_EXCEEDED) or appears twice (SAME_BODY)."""
     first: dict[str, int] = {}
     for i, name in enumerate(names):
         if len(name) > MAX_TEXT:
@@ -206,7 +216,7 @@ def check_names(names: Sequence[str]) -> None:
 
 
 def check_immovable(immovable: Sequence[int], count: int) -> None:
-    """Refuse indices that are not below the number of bodies in the table."""
+    """Refuse indices that are not below the number of bodies in the table (INVALID_TABLE)."""
     if len(immovable) and np.max(immovable) >= count:
         reason = f"must hold indices below {count}, holds {np.max(immovable)}"
         raise ImpactError(StatusCode.INVALID_TABLE, "immovable", reason)

@@ -94,7 +94,11 @@ ImpactProblem = tuple[Body, Body, Contact, ImpactModel]
 def problem_of(
     request: ResolveCollision.Request, parameters: Parameters
 ) -> tuple[ImpactProblem, ContactCoefficients]:
-    """Convert a request in which both bodies are given in full. The coefficients come with their sources."""
+    """Convert a request in which both bodies are given in full. The coefficients come with their sources.
+
+    Raises:
+        ImpactError: as ``body_of``, ``coefficients_of`` and ``contact_of``.
+    """
     bodies = body_of("body_a", request.body_a), body_of("body_b", request.body_b)
     coefficients = coefficients_of(request.contact, request.body_a, request.body_b, parameters)
     model = model_of(request.model, _with_pair(parameters.model, coefficients.pair))
@@ -102,7 +106,12 @@ def problem_of(
 
 
 def body_of(owner: str, state: BodyState) -> Body:
-    """Convert a body, which errors call ``owner``. The numeric core checks its numbers later."""
+    """Convert a body, which errors call ``owner``. The numeric core checks its numbers later.
+
+    Raises:
+        ImpactError: INVALID_MOTION_TYPE if there is no such type, or a STATIC body moves; NOT_FINITE for the
+            mass; as :meth:`Body.articulated`.
+    """
     position, q = vector_of(state.pose.position), state.pose.orientation
     velocity, angular_velocity = vector_of(state.twist.linear), vector_of(state.twist.angular)
     rotation = Quaternion(q.x, q.y, q.z, q.w)
@@ -122,7 +131,7 @@ def body_of(owner: str, state: BodyState) -> Body:
 
 
 def check_mass(owner: str, mass: float) -> None:
-    """Refuse an infinite or NaN mass: for the core, infinite mass means a body that cannot be moved."""
+    """Refuse an infinite or NaN mass (NOT_FINITE): in the core, an infinite mass cannot be moved."""
     if not math.isfinite(mass):
         raise ImpactError(StatusCode.NOT_FINITE, f"{owner}.inertia.m", f"must be finite; is {mass}")
 
@@ -136,7 +145,7 @@ VALID_REST = (
 
 
 def check_body(owner: str, body: Body) -> None:
-    """Refuse a body that the numeric core refuses."""
+    """Refuse a body that the numeric core refuses (with its code)."""
     try:
         resolve(body, *VALID_REST)
     except ImpactError as error:
@@ -162,8 +171,8 @@ def contact_of(
 ) -> Contact:
     """Convert a contact.
 
-    Friction that depends on slip speed is refused for a law that follows it along its path: the answer
-    reports friction as one number, with which the impact could not be reproduced.
+    Friction that depends on slip speed is refused for a law that follows it along its path (INVALID_MODEL):
+    the answer reports friction as one number, with which the impact could not be reproduced.
     """
     restitution, friction = coefficients.restitution.value, coefficients.friction.value
     if callable(friction) and law in BY_SPEED:
@@ -183,6 +192,10 @@ def coefficients_of(
 
     Each comes from the first of these that gives it: the contact, the entry of the pair of materials, both
     materials, both bodies, the node's parameter.
+
+    Raises:
+        ImpactError: UNKNOWN_MATERIAL; INVALID_COEFFICIENT if that of a body is out of range; as
+            :func:`~collision_response.materials.combined_coefficient`.
     """
     for owner, body in (("body_a", body_a), ("body_b", body_b)):
         if body.material:
@@ -312,7 +325,11 @@ def error_text(error: ImpactError) -> str:
 
 
 def error_from(code: int, text: str) -> ImpactError:
-    """Return the error that a response describes by its code and text."""
+    """Return the error that a response describes by its code and text.
+
+    Raises:
+        ValueError: if this version does not know the code.
+    """
     field, _, reason = text.partition(": ")
     return ImpactError(StatusCode(code), field, reason)
 

@@ -71,6 +71,10 @@ class CollisionResponseNode(Node):
             gets the last 100.
         publisher ``~/scene_result``: the same for ``~/resolve_scene``.
         publisher ``/diagnostics``: counts, rates and latencies.
+
+    Raises:
+        rclpy.exceptions.ParameterException: if a parameter has a value that is not allowed.
+        rclpy.exceptions.NameValidationException: if one of ``body_state_topics`` is no name of a topic.
     """
 
     _recorder: Recorder | None = None

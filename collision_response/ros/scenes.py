@@ -97,7 +97,11 @@ class SceneService:
 
 
 def contacts_of(request: ResolveScene.Request, max_contacts: int) -> list[ContactMessage]:
-    """Make a message of each contact of a request."""
+    """Make a message of each contact of a request.
+
+    Raises:
+        ImpactError: INVALID_TABLE if contacts or pairs are incomplete; BUDGET_EXCEEDED.
+    """
     table = table_in("contacts", request.contacts, len(CONTACT_ROWS))
     count = table.shape[1]
     if count > max_contacts:
@@ -116,7 +120,12 @@ def contacts_of(request: ResolveScene.Request, max_contacts: int) -> list[Contac
 
 
 def bodies_of(request: ResolveScene.Request, finder: StateFinder) -> LookUp[list[SceneBody]]:
-    """Collect the bodies of a request: those of the table, then the latest states of those given by name."""
+    """Collect the bodies of a request: those of the table, then the latest states of those given by name.
+
+    Raises:
+        ImpactError: INVALID_TABLE if the table is incomplete, or does not fit the names or ``immovable``;
+            BUDGET_EXCEEDED; as ``check_names``, as ``find`` and ``check`` of the finder, and as ``body_of``.
+    """
     table = table_in("bodies", request.bodies, ROWS)
     count = table.shape[1]
     most = max(count, number_of_names(request))
@@ -156,6 +165,10 @@ def problem_of(
     """Convert a request, and fill in the names of the bodies in its contacts, ``messages``.
 
     The coefficients of each contact come with their sources.
+
+    Raises:
+        ImpactError: UNKNOWN_BODY if ``pairs`` has an index beyond the bodies; INVALID_MODEL if only materials
+            give the stiffness ratio that COMPLIANT needs; as ``coefficients_of`` and ``contact_of``.
     """
     model = convert.model_of(request.model, parameters.model)
     indices_a, indices_b = np.asarray(request.pairs).reshape(2, -1).tolist()

@@ -48,7 +48,10 @@ def number_of_names(request: Any) -> int:
 def table_in(field: str, numbers: array[Any], rows: int, of_layout: str = "") -> Array:
     """Return the numbers of a field as a table, which shares their memory.
 
-    ``of_layout`` follows the number of rows in the error, if the rows do not all have the same length.
+    ``of_layout`` follows the number of rows in the error.
+
+    Raises:
+        ImpactError: INVALID_TABLE if the rows do not all have the same length.
     """
     table = np.asarray(numbers)
     if table.size % rows:
@@ -58,7 +61,11 @@ def table_in(field: str, numbers: array[Any], rows: int, of_layout: str = "") ->
 
 
 def as_lines(names: Iterable[str]) -> str:
-    """Join names to one string, one per line. ROS would cut it off at a NUL character."""
+    """Join names to one string, one per line.
+
+    Raises:
+        ValueError: if a name has several lines, or a NUL character, at which ROS would cut it off.
+    """
     names = list(names)
     for i, name in enumerate(names):
         if "\n" in name or "\0" in name:
@@ -67,7 +74,11 @@ def as_lines(names: Iterable[str]) -> str:
 
 
 def as_indices(pairs: Array) -> Array:
-    """Convert indices of bodies to those of a request."""
+    """Convert indices of bodies to those of a request.
+
+    Raises:
+        ValueError: if one is not an index.
+    """
     indices = pairs.astype(np.uint32)
     if (indices != pairs).any():
         wrong = pairs[indices != pairs][0]
