@@ -21,6 +21,7 @@ from PIL import Image
 from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
 
+from collision_response.recording.table import read
 from collision_response.recording.viewer_layout import blueprint
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -37,21 +38,19 @@ SHOWN = (0.0, 0.033, 1.0, 0.965)
 SETTLING = 3.0
 """Time for the viewer to load and draw everything [s]."""
 
-AT = 0.43
-"""Time of the picture after the start of the break [s]."""
+ANSWER = 33
+"""Number of the answer that the picture shows: a ball that comes back from two cushions strikes another."""
 
 SPAN = 1.0
-"""Time of the break that the plots show [s]."""
+"""Time from shortly before the first impact that the plots show [s]."""
 
-EYE = rrb.EyeControls3D(position=(0.3, -0.85, 0.85), look_target=(0.32, 0.02, 0.0), eye_up=(0.0, 0.0, 1.0))
+EYE = rrb.EyeControls3D(position=(0.42, -0.45, 0.65), look_target=(0.42, 0.2, 0.0), eye_up=(0.0, 0.0, 1.0))
 
 
-def begin() -> np.datetime64:
-    """Time at which the recording begins."""
-    chunks = RrdReader(str(RECORDING)).stream().filter(content="/world/bodies/cue").to_chunks()
-    batches = (chunk.to_record_batch() for chunk in chunks)
-    stamps = [b.column("ros_time").cast("int64").to_pylist() for b in batches if "ros_time" in b.schema.names]
-    return np.datetime64(min(min(column) for column in stamps), "ns")
+def times() -> tuple[np.datetime64, np.datetime64]:
+    """Time shortly before the first impact, and that of the impact that the picture shows."""
+    stamps = read([RECORDING])["ros_time"].to_numpy()
+    return stamps[0] - np.timedelta64(30, "ms"), stamps[ANSWER - 1]
 
 
 def with_layout(start: np.datetime64, folder: Path) -> Path:
@@ -81,9 +80,9 @@ def screenshot(recording: Path, at: np.datetime64) -> Image.Image:
 
 def main() -> None:
     """Open the recording in a viewer without a screen, and save a picture without its controls."""
-    start = begin()
+    start, at = times()
     with tempfile.TemporaryDirectory() as folder:
-        picture = screenshot(with_layout(start, Path(folder)), start + np.timedelta64(int(AT * 1e9), "ns"))
+        picture = screenshot(with_layout(start, Path(folder)), at)
     left, top, right, bottom = (share * size for share, size in zip(SHOWN, picture.size * 2, strict=True))
     picture = picture.convert("RGB").crop((left, top, right, bottom))
     picture.thumbnail((WIDTH, WIDTH))

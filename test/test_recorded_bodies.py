@@ -67,7 +67,7 @@ def test_a_body_is_drawn_at_its_centre_of_mass(tmp_path, length):
     gyration = 0.5 * math.sqrt(3 / 5)  # <r^2> of a solid sphere
     assert spin_before == pytest.approx([0.0, 0.0, -0.15 * gyration], rel=1e-6)
     assert spin_after == pytest.approx([0.1 * gyration * w for w in answer.twist_a.angular], abs=1e-7)
-    ((_, _, [normal, _]),) = read(path, "/world/contact", "Arrows3D:vectors")
+    ((_, _, [normal]),) = read(path, "/world/contact", "Arrows3D:vectors")
     assert normal == pytest.approx([0.0, 0.0, 0.1], rel=1e-6)
 
 

@@ -111,12 +111,13 @@ def test_an_impact_is_drawn_where_it_was(tmp_path):
             [[0.1, 0.0, 0.15], [0.0] * 3, [0.1, 0.0, -0.3], [0.0] * 3],
         ),
         ("/world/contact", "Points3D:positions", [[0.0, 0.0, 0.0]]),
-        ("/world/contact", "Arrows3D:vectors", [[0.0, 0.0, 0.1], [0.0, 0.0, 0.45]]),
+        ("/world/contact", "Arrows3D:vectors", [[0.0, 0.0, 0.1]]),
+        ("/world/impulse", "Arrows3D:vectors", [[0.0, 0.0, 0.45]]),
     ):
         rows = read(path, entity, component)
         assert [row[:2] for row in rows] == stamps, entity
         assert all(row[2] == [pytest.approx(one, rel=1e-6) for one in value] for row in rows), entity
-    labels = [value for _, _, value in read(path, "/world/contact", "Points3D:labels")]
+    labels = [value for _, _, value in read(path, "/world/impulse", "Arrows3D:labels")]
     assert labels == [["9 N s"], ["9 N s"]]
     # a body is there from its first appearance on, not before
     for component, value in ("Points3D:positions", [[0.0, 0.0, 0.0]]), ("Ellipsoids3D:half_sizes", None):
@@ -504,9 +505,9 @@ def test_an_impact_with_an_effective_mass_of_0_has_no_arrow(tmp_path):
     far = impact(1)._replace(body_a=ball, impact=resolve(ball, floor, contact))
     assert far.impact.effective_mass == 0
     path = recorded(tmp_path, [far, impact(2)])
-    (*_, of_far), (*_, of_next) = read(path, "/world/contact", "Arrows3D:vectors")
-    assert of_far[1] == [0.0, 0.0, 0.0]
-    assert of_next[1] == pytest.approx([0.0, 0.0, 0.45])
+    (*_, [of_far]), (*_, [of_next]) = read(path, "/world/impulse", "Arrows3D:vectors")
+    assert of_far == [0.0, 0.0, 0.0]
+    assert of_next == pytest.approx([0.0, 0.0, 0.45])
 
 
 def test_values_beyond_float32_are_drawn_without_a_warning(tmp_path):
@@ -527,7 +528,23 @@ def test_a_scene_of_bodies_without_mass_has_no_arrow(tmp_path):
     answer = resolve_scene([Body.dynamic(1.0), Body.static()], [(0, 1)], [contact])
     scene = SceneRecord(1, 1, ["a", "b"], bodies, [(0, 1)], [contact], ImpactModel(), answer)
     path = recorded(tmp_path, [scene])
-    assert read(path, "/world/contact", "Arrows3D:vectors")[0][2][1] == [0.0, 0.0, 0.0]
+    assert read(path, "/world/impulse", "Arrows3D:vectors")[0][2] == [[0.0, 0.0, 0.0]]
+
+
+def test_every_contact_of_a_scene_is_drawn_alike(tmp_path):
+    """One colour for all normals and one for all impulses, however many contacts there are."""
+    balls = [Body.dynamic(1.0, position=(x, 0.0, 0.0), velocity=(0.0, 0.0, -1.0)) for x in range(3)]
+    contacts = [Contact.of((x, 0.0, 0.0), (0.0, 0.0, 1.0), 0.5) for x in range(3)]
+    asked = [*balls, Body.static()], [(x, 3) for x in range(3)], contacts, ImpactModel()
+    path = recorded(tmp_path, [SceneRecord(1, 1, ["a", "b", "c", "floor"], *asked, resolve_scene(*asked))])
+    drawn = {
+        entity: read(path, entity, "Arrows3D:vectors")[0][2]
+        for entity in ("/world/contact", "/world/impulse")
+    }
+    for entity, vector in ("/world/contact", [0.0, 0.0, 0.1]), ("/world/impulse", [0.0, 0.0, 0.15]):
+        assert drawn[entity] == [pytest.approx(vector, rel=1e-6)] * 3
+        ((colours,),) = read(path, entity, "Arrows3D:colors", timelines=())
+        assert len(colours) == 1
 
 
 def test_an_entry_that_cannot_be_written_leaves_a_gap(tmp_path, monkeypatch):

@@ -10,6 +10,7 @@ from .rerun_sdk import rr, rrb
 WORLD = "/world"
 VELOCITIES = f"{WORLD}/velocities"
 CONTACT = f"{WORLD}/contact"
+IMPULSE = f"{WORLD}/impulse"
 CONE = f"{WORLD}/friction_cone"
 REGIME = "/impact/regime"
 LOG = "/log"

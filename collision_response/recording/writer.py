@@ -29,6 +29,7 @@ from .viewer_layout import (
     CONE,
     CONTACT,
     HAS_STATES,
+    IMPULSE,
     LOG,
     PLOTS,
     REGIME,
@@ -49,7 +50,7 @@ CIRCLE = np.linspace(0, 2 * np.pi, 32, endpoint=False)
 CONE_MESH = rr.Mesh3D(
     vertex_positions=[(0.0, 0.0, 0.0), *np.stack([np.cos(CIRCLE), np.sin(CIRCLE), np.ones(32)], axis=1)],
     triangle_indices=[(0, 1 + i, 1 + (i + 1) % 32) for i in range(32)],
-    albedo_factor=(*VIOLET, 70),
+    albedo_factor=(*VIOLET, 40),
 )
 """A cone about the z axis with height and slope 1."""
 
@@ -57,6 +58,8 @@ LAYOUT_FILE = "layout.rrd"
 
 POINT_RADIUS = rr.Radius.ui_points(6)
 ARROW_RADIUS = rr.Radius.ui_points(2)
+IMPULSE_RADIUS = rr.Radius.ui_points(4)
+"""Thicker than the others, because the friction cone around an impulse hides some of it."""
 
 Times = list[rr.TimeColumn]
 Columns = tuple[str, Times, Any]
@@ -168,7 +171,8 @@ class Writer:
         log = self._stream.log
         log(WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         log(CONTACT, rr.Points3D.from_fields(radii=POINT_RADIUS, colors=RED), static=True)
-        log(CONTACT, rr.Arrows3D.from_fields(radii=ARROW_RADIUS, colors=[GREY, GREEN]), static=True)
+        log(CONTACT, rr.Arrows3D.from_fields(radii=ARROW_RADIUS, colors=GREY), static=True)
+        log(IMPULSE, rr.Arrows3D.from_fields(radii=IMPULSE_RADIUS, colors=GREEN), static=True)
         log(CONE, CONE_MESH, static=True)
         if HAS_STATES:
             log(REGIME, rr.StateConfiguration(values=[*REGIMES], colors=[*REGIMES.values()]), static=True)
@@ -245,8 +249,10 @@ def contacts(impacts: Sequence[AnyImpact]) -> Iterator[Columns]:
     normals = _units(_array(contact.normal for contact, _, _ in drawn))
     changes = _array(impulse / mass if mass > 0 else ZERO for _, impulse, mass in drawn)
     labels = [f"{impulse.norm():.3g} N s" for _, impulse, _ in drawn]
-    points = rr.Points3D.columns(positions=positions, labels=labels).partition(counts)
-    yield CONTACT, times, [*points, *_arrows(positions, normals, changes, rows=counts)]
+    points = rr.Points3D.columns(positions=positions).partition(counts)
+    arrows = _arrows(positions, changes, rows=counts)
+    yield CONTACT, times, [*points, *_arrows(positions, normals, rows=counts)]
+    yield IMPULSE, times, [*arrows, *rr.Arrows3D.columns(labels=labels).partition(counts)]
     heights = np.maximum((normals * changes).sum(axis=1), 0.0) * ARROW_TIME
     slopes = np.minimum(np.array([contact.friction for contact, _, _ in drawn], float), MAX_CONE_SLOPE)
     cones = rr.InstancePoses3D.columns(
