@@ -14,9 +14,10 @@ OPTIONS = ("-std=c++17", "-O1", "-fPIC", "-shared", "-ffp-contract=off", "-Wno-p
 
 
 def compile_library(source: str, directory: Path) -> ctypes.CDLL:
-    """Compile a source that may include the headers of the kernels; return the library."""
+    """Compile a source that may include the headers of the kernels, and those in ``directory``."""
     file, library = directory / "test.cpp", directory / "test.so"
     file.write_text(source)
     compiler = shlex.split(os.environ.get("CXX", "c++"))
-    subprocess.run([*compiler, *OPTIONS, f"-I{KERNELS}", str(file), "-o", str(library)], check=True)
+    headers = f"-I{KERNELS}", f"-I{directory}"
+    subprocess.run([*compiler, *OPTIONS, *headers, str(file), "-o", str(library)], check=True)
     return ctypes.CDLL(str(library))

@@ -126,6 +126,8 @@ RANDOM = [without_com_offset(random_scene(seed)) for seed in range(120)]
         ImpactModel(Law.COULOMB, restitution_threshold=0.4),
         ImpactModel(Law.FRICTIONLESS, tolerance=1e-14),
         ImpactModel(Law.MOREAU),
+        ImpactModel(Law.ROUTH_STRONGE),
+        ImpactModel(Law.ROUTH_STRONGE, restitution_threshold=0.4, tolerance=1e-4),
     ],
 )
 def test_random_scenes_equal_resolve_scene(model):
@@ -193,6 +195,16 @@ def test_structured_scenes(law):
     codes = assert_same_as_single_scenes(scenes, model, resolved(scenes, model))
     assert StatusCode.CONTRADICTORY_CONTACTS in codes or law is Law.ROUTH_STRONGE
     assert codes.count(StatusCode.OK) >= 5
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+def test_clusters_of_several_contacts_need_no_python(law, monkeypatch):
+    boxes = [box((0.2, 0.1 * i, -1), (0.3, 0, 0), e=0.5, mu=0.3) for i in range(5)]
+    expected = resolved(boxes, ImpactModel(law))
+    monkeypatch.setattr(sys.modules["collision_response.batch.resolve_scenes"], "resolve_scene", pytest.fail)
+    found = resolved(boxes, ImpactModel(law))
+    assert found.status.tolist() == [StatusCode.OK] * 5
+    np.testing.assert_array_equal(found.velocity, expected.velocity)
 
 
 def test_laws_for_single_contacts_are_refused_cluster_by_cluster():

@@ -831,7 +831,7 @@ def test_an_approach_below_double_double_precision_is_decided_or_unbounded(
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
 def test_bodies_that_move_together_need_no_fractions(law, monkeypatch):
     """A box on a lift."""
-    monkeypatch.setattr("collision_response.scene.apply_law._has_approach", pytest.fail)
+    monkeypatch.setattr("collision_response.scene.in_fractions._has_approach", pytest.fail)
     velocity, corners = (1.1, 0.3, -0.7), [(x, y, 0.0) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
     box = Body.box(1.0, (1.0, 1.0, 1.0), position=(0.0, 0.0, 0.5), velocity=velocity)
     touches = [Contact.of(corner, (0.1, -0.3, 1.0), 0.5, 0.3) for corner in corners]
@@ -1027,7 +1027,7 @@ def test_the_restitution_of_many_nearly_dependent_contacts_is_in_the_bound_if_th
 @pytest.mark.parametrize("lift", [0.0, 0.3])
 def test_unequal_restitutions_of_flat_boxes_are_decided_in_double_double(size, levels, lift, monkeypatch):
     """Parallel normals depend on each other to all digits, wherever the corners are."""
-    monkeypatch.setattr("collision_response.scene.apply_law._in_fractions", None)
+    monkeypatch.setattr("collision_response.scene.in_fractions._in_fractions", None)
     x, y, z = size
     bodies = [
         Body.box(0.37 * (i + 1), size, position=(0.1 * i, 0, (i + 0.5) * z), velocity=(0, 0, -1))

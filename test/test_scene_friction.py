@@ -30,9 +30,9 @@ from collision_response import (
     resolve,
     resolve_scene,
 )
+from collision_response.kernels import protocol
 from collision_response.physics.body import Twist
 from collision_response.physics.vector import Vec3
-from collision_response.scene import stronge
 
 
 def with_bystander(body_a: Body, body_b: Body, contact: Contact) -> Scene:
@@ -322,7 +322,7 @@ def test_stronge_gives_the_closed_form_of_a_corner(walls, part, e, exponent, mon
     (1 + c) times the work of compression, and (1 - c) times the work given back. The springs turn round
     together, which needs no long search: the budget is a hundredth of the usual one.
     """
-    monkeypatch.setattr(stronge, "WORK", stronge.WORK // 100)
+    monkeypatch.setattr(protocol, "SPRING_WORK", protocol.SPRING_WORK // 100)
     answer = corner(walls, part, e).resolve(Law.ROUTH_STRONGE, options={"exponent": exponent})
     speed = e * math.sqrt((1 - part) / (1 + part))
     assert answer.error_bound <= 1e-5  # what it follows the path for
@@ -348,7 +348,7 @@ def test_a_ball_wedged_in_a_groove_is_refused_quickly(inertia, opening, off, mon
 
     The budget is a hundredth of the usual one.
     """
-    monkeypatch.setattr(stronge, "WORK", stronge.WORK // 100)
+    monkeypatch.setattr(protocol, "SPRING_WORK", protocol.SPRING_WORK // 100)
     slope = math.radians(90 - opening / 2)
     normals = [(math.sin(slope) + off, -off, math.cos(slope)), (-math.sin(slope), off, math.cos(slope))]
     ball = Body.dynamic(1.0, (inertia, 0, 0, inertia, 0, inertia), velocity=(off, 0.0, -1.0))
@@ -367,10 +367,10 @@ def test_an_exhausted_budget_has_a_status(monkeypatch):
     """Or gives the answer found within it, if its error is known."""
     scene = box((1, 0.3, -1), (0.2, 0.3, 1), e=0.5, mu=0.3)
     exact = scene.resolve(Law.ROUTH_STRONGE)
-    monkeypatch.setattr(stronge, "WORK", 30_000)
+    monkeypatch.setattr(protocol, "SPRING_WORK", 30_000)
     with refused(StatusCode.PATH_TOO_LONG):
         scene.resolve(Law.ROUTH_STRONGE)
-    monkeypatch.setattr(stronge, "WORK", 1_500_000)
+    monkeypatch.setattr(protocol, "SPRING_WORK", 1_500_000)
     answer = scene.resolve(Law.ROUTH_STRONGE, tolerance=1e-9)
     assert answer.status is StatusCode.TOLERANCE_NOT_MET
     assert 1e-9 < answer.error_bound < 1e-2

@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..arguments import check_count, check_number
-from ..kernels import library
+from ..kernels import library, protocol
 from ..model import DEFAULT, LARGEST_BOUND, ImpactModel
 from ..physics.laws import PATHS
 from ..scene import resolve_scene
@@ -106,9 +106,8 @@ def resolve_scenes(
     """Compute the motion of bodies after several contacts strike at once, in any number of clusters.
 
     The numbers are those of :func:`~collision_response.resolve_scene` for each cluster by itself, in the
-    geometry of the table, to the bit. Clusters resolved by FRICTIONLESS, COULOMB and MOREAU are computed
-    without Python, except for the few that need more digits or in which a contact is given twice. Clusters
-    resolved by other laws are computed one after another.
+    geometry of the table, to the bit. Clusters are computed without Python, except for the few that need more
+    digits or in which a contact is given twice, and for single contacts resolved by ROUTH_STRONGE.
 
     Args:
         bodies: a table of bodies, float64, shape ``(rows, B)``. The number of rows determines the geometry.
@@ -134,12 +133,12 @@ def resolve_scenes(
         raise ValueError("bodies, contacts: must be float64, and without rows of tangential restitution")
     clusters, cluster_of = _find_clusters(bodies, pairs)
     result = _initial_result(request, cluster_of, clusters.starts.size - 1)
-    is_single = (np.diff(clusters.starts) == 1) & (model.law not in PATHS)
-    singles, several = np.flatnonzero(is_single), np.flatnonzero(~is_single)
-    _resolve_single_contacts(request, singles, clusters.order[clusters.starts[singles]], result, workers)
-    _resolve_without_python(request, clusters, several, threshold, result, workers)
-    left_to_python = several[result.status[several] == StatusCode.UNSET]
-    for cluster in left_to_python.tolist():
+    is_single = np.diff(clusters.starts) == 1
+    if model.law not in PATHS:  # these are resolved one after another
+        singles = np.flatnonzero(is_single)
+        _resolve_single_contacts(request, singles, clusters.order[clusters.starts[singles]], result, workers)
+    _resolve_without_python(request, clusters, np.flatnonzero(~is_single), threshold, result, workers)
+    for cluster in np.flatnonzero(result.status == StatusCode.UNSET).tolist():
         _resolve_in_python(request, cluster, clusters.contacts(cluster), threshold, result)
     return result
 
@@ -201,8 +200,9 @@ def _resolve_without_python(
     """Resolve the clusters ``wanted``. Those that are left to Python keep the status UNSET."""
     plan, model, pairs = request.plan, request.plan.model, request.pairs
     assert pairs is not None
-    thresholds = threshold, model.restitution_threshold, model.tangential_restitution
-    numbers = tuple(map(float, (*thresholds, plan.model_plan.bound_limit)))
+    settings = model.restitution_threshold, model.tangential_restitution, model.tolerance
+    floats = map(float, (threshold, *settings, plan.model_plan.bound_limit))
+    numbers = (*floats, protocol.SPRING_WORK)
 
     def resolve_some(start: int, stop: int) -> None:
         library.resolve_clusters(

@@ -13,7 +13,6 @@ from ..physics.contact import Contact
 
 _Array = np.ndarray[Any, Any]
 _Integers = _Array | array[int]
-_Impulses = tuple[bytes, list[float] | None, float, float, float | None, bool]
 _Other = TypeVar("_Other")
 _InPython = Callable[[Body, Body, Contact, ImpactModel, Impact | int], _Other]
 
@@ -58,7 +57,7 @@ def find_clusters(
 def resolve_clusters(
     layout: int,
     law: int,
-    numbers: tuple[float, ...],
+    numbers: tuple[float | int, ...],
     bodies: _Array,
     pairs: _Array,
     contacts: _Array,
@@ -80,18 +79,14 @@ def assemble(
 class Cluster:
     is_locked: Final[bool]
     approach_is_uncertain: Final[bool]
-    is_out_of_range: Final[bool]
 
-    def no_impulses(self) -> bytes: ...
-    def impulses_from_floats(self, p: list[float], /) -> bytes: ...
+    def resolve(
+        self,
+        law: int,
+        threshold: float,
+        springs: tuple[list[float] | None, float, float, int],
+        decided: tuple[list[float], float, float, float, bool] | None,
+        /,
+    ) -> tuple[int, tuple[Any, ...], float, float | None, bool, bool, str, int]: ...
+    def normal_velocities(self) -> list[float]: ...
     def contradictory_contacts(self) -> list[int]: ...
-    def velocity_size(self, p: bytes, /) -> float: ...
-    def reflections(self, threshold: float, /) -> _Impulses | None: ...
-    def effect_of(
-        self, p: bytes, tangential: list[float] | None, error: float, sticks_by_slip: bool, /
-    ) -> tuple[Any, ...]: ...
-    def least_work_friction(self, p: bytes, error: float, /) -> _Impulses: ...
-    def moreau(self, has_friction: bool, /) -> _Impulses | None: ...
-    def follow_springs(
-        self, stiffness: list[float], exponent: float, tolerance: float, budget: int, has_friction: bool, /
-    ) -> tuple[bytes, list[float] | None, float, int] | Literal[False] | None: ...

@@ -1,11 +1,8 @@
-// The Python type Cluster, for the laws of collision_response/scene/.
-//
-// Python holds impulses along the normals as bytes: a double-double for each contact.
+// The Python type Cluster: a cluster of several contacts in double-double, for scene/resolve_cluster.py.
 #include <memory>
 
 #include "module.hpp"
 #include "scene/cluster.hpp"
-#include "scene/contact_springs.hpp"
 #include "scene/read_scene.hpp"
 
 namespace {
@@ -26,21 +23,9 @@ void dealloc(PyObject* self) {
 Cluster& cluster_of(PyObject* self) { return *reinterpret_cast<ClusterObject*>(self)->cluster; }
 Assembly& assembly_of(PyObject* self) { return cluster_of(self).assembly; }
 
-PyObject* bytes(const std::vector<DD>& p) {
-  return PyBytes_FromStringAndSize(reinterpret_cast<const char*>(p.data()), p.size() * sizeof(DD));
-}
-// Read normal impulses. Those of another cluster are not found: a Python error is set.
-ClusterImpulses read_impulses(PyObject* self, PyObject* o, double error = 0) {
-  const std::size_t count = assembly_of(self).count;
-  if (PyBytes_Check(o) && PyBytes_GET_SIZE(o) == static_cast<Py_ssize_t>(count * sizeof(DD))) {
-    auto* p = reinterpret_cast<const DD*>(PyBytes_AS_STRING(o));
-    return {true, {p, p + count}, error};
-  }
-  PyErr_SetString(PyExc_TypeError, "these are no impulses of this cluster");
-  return {false};
-}
 bool read_list(PyObject* list, Vector& x) {
-  for (size_t i = 0; i < x.size(); ++i) x[i] = PyFloat_AsDouble(PyList_GET_ITEM(list, i));
+  for (Py_ssize_t i = 0; PyList_Check(list) && i < PyList_GET_SIZE(list); ++i)
+    x.push_back(PyFloat_AsDouble(PyList_GET_ITEM(list, i)));
   return !PyErr_Occurred();
 }
 template <class Make> PyObject* listed(size_t count, Make make) {
@@ -48,17 +33,66 @@ template <class Make> PyObject* listed(size_t count, Make make) {
   for (size_t i = 0; list && i < count; ++i) PyList_SET_ITEM(list, static_cast<Py_ssize_t>(i), make(i));
   return list;
 }
+PyObject* number_list(const Vector& x) {
+  return listed(x.size(), [&x](size_t i) { return PyFloat_FromDouble(x[i]); });
+}
 
-// no_impulses(): impulses of 0.
-PyObject* no_impulses(PyObject* self, PyObject*) { return bytes(std::vector<DD>(assembly_of(self).count)); }
+// The fields of an ImpulseEffect of scene/cluster_result.py.
+PyObject* fields_of(const ImpulseEffect& effect, const Cluster& cluster) {
+  const size_t bodies = effect.twists.size() / 6, contacts = effect.regimes.size();
+  return Py_BuildValue(
+      "NNNNNN(dddd)dNNN", listed(bodies, [&](size_t b) { return make_twist(&effect.changes[6 * b]); }),
+      listed(bodies, [&](size_t b) { return make_twist(&effect.twists[6 * b]); }),
+      listed(contacts, [&](size_t i) { return make_vec3(&effect.impulses[3 * i]); }),
+      number_list(effect.normal_velocities_before), number_list(effect.normal_velocities_after),
+      listed(contacts, [&](size_t i) { return Py_NewRef(PyTuple_GET_ITEM(python.regimes, effect.regimes[i])); }),
+      effect.energies[0], effect.energies[1], effect.energies[2], effect.energies[3], effect.error_bound,
+      PyBool_FromLong(cluster.has_massless_spin), PyBool_FromLong(cluster.has_off_unit_orientation),
+      PyBool_FromLong(effect.is_unphysical));
+}
 
-// impulses_from_floats(p): impulses from a list of floats.
-PyObject* impulses_from_floats(PyObject* self, PyObject* list) {
-  Vector numbers(assembly_of(self).count);
-  if (!read_list(list, numbers)) return nullptr;
-  std::vector<DD> p;
-  for (double number : numbers) p.push_back({number, 0});
-  return bytes(p);
+// resolve(law, threshold, (stiffness, exponent, tolerance, work), decided): the fields of a ClusterResult of
+// scene/cluster_result.py. The stiffness is a list, or None. `decided` is None, or the fields of a Decided of
+// scene/in_kernels.py.
+PyObject* get_result(PyObject* self, PyObject* args) {
+  ClusterOptions options{};
+  PyObject *stiffness, *given;
+  if (!PyArg_ParseTuple(args, "id(Oddl)O", &options.law, &options.threshold, &stiffness, &options.springs.exponent,
+                        &options.springs.tolerance, &options.springs.work, &given) ||
+      !read_list(stiffness, options.springs.stiffness))
+    return nullptr;
+  Cluster& cluster = cluster_of(self);
+  Decided decided{given != Py_None};
+  ClusterImpulses normal;
+  if (decided.is_final) {
+    PyObject* list;
+    Vector p;
+    int no_rebound;
+    if (!PyArg_ParseTuple(given, "Odddp", &list, &normal.error, &normal.margin, &normal.restitution, &no_rebound) ||
+        !read_list(list, p))
+      return nullptr;
+    for (double x : p) normal.normal.push_back({x, 0});
+    normal.no_rebound = no_rebound;
+    if (p.size() == cluster.assembly.contacts.size()) {
+      normal.error += cluster.assembly.velocity_size(normal.normal.data()) * 0x1p-53;  // the impulses were rounded
+      decided.normal = &normal;
+    }
+  }
+  ClusterResult result;
+  {
+    ReleasedGil released;
+    result = resolve_cluster(cluster, options, decided);
+  }
+  PyObject* e = result.restitution < 0 ? Py_NewRef(Py_None) : PyFloat_FromDouble(result.restitution);
+  return Py_BuildValue("iNdNNNsi", result.code, fields_of(result.effect, cluster), result.margin, e,
+                       PyBool_FromLong(result.no_rebound), PyBool_FromLong(result.fell_back), result.fault,
+                       result.faulty);
+}
+
+// normal_velocities(): of each contact before the impact [m/s].
+PyObject* normal_velocities(PyObject* self, PyObject*) {
+  const auto& contacts = assembly_of(self).contacts;
+  return listed(contacts.size(), [&](size_t i) { return PyFloat_FromDouble(contacts[i].axes[0].velocity); });
 }
 
 // contradictory_contacts(): the few contacts that seem to contradict each other, or an empty list.
@@ -67,115 +101,17 @@ PyObject* find_contradictory_contacts(PyObject* self, PyObject*) {
   return listed(found.size(), [&found](size_t i) { return PyLong_FromLong(found[i]); });
 }
 
-// velocity_size(p): an upper bound on the size of the velocities that impulses p produce, in the metric of kinetic
-// energy.
-PyObject* velocity_size(PyObject* self, PyObject* o) {
-  const ClusterImpulses impulses = read_impulses(self, o);
-  return impulses.are_found ? PyFloat_FromDouble(assembly_of(self).velocity_size(impulses.normal.data())) : nullptr;
-}
-
-PyObject* number_list(const Vector& x) {
-  return listed(x.size(), [&x](size_t i) { return PyFloat_FromDouble(x[i]); });
-}
-
-// effect_of(p, tangential, error, sticks_by_slip): the fields of an ImpulseEffect of scene/impulses.py. p are normal
-// impulses, tangential a list with two floats for each contact, along its tangents, or None.
-PyObject* get_effect(PyObject* self, PyObject* args) {
-  PyObject *normal, *tangential;
-  double error;
-  int sticks_by_slip;
-  if (!PyArg_ParseTuple(args, "OOdp", &normal, &tangential, &error, &sticks_by_slip)) return nullptr;
-  const Cluster& cluster = cluster_of(self);
-  const Assembly& assembly = cluster.assembly;
-  ClusterImpulses impulses = read_impulses(self, normal, error);
-  impulses.tangential.resize(tangential == Py_None ? 0 : 2 * assembly.count);
-  if (!impulses.are_found || !read_list(tangential, impulses.tangential)) return nullptr;
-  ImpulseEffect effect = effect_of(assembly, impulses, sticks_by_slip);
-  return Py_BuildValue(
-      "NNNNNN(dddd)dNNNN", listed(assembly.body_count, [&](size_t b) { return make_twist(&effect.changes[6 * b]); }),
-      listed(assembly.body_count, [&](size_t b) { return make_twist(&effect.twists[6 * b]); }),
-      listed(assembly.count, [&](size_t i) { return make_vec3(&effect.impulses[3 * i]); }),
-      number_list(effect.normal_velocities_before), number_list(effect.normal_velocities_after),
-      listed(assembly.count, [&](size_t i) { return Py_NewRef(PyTuple_GET_ITEM(python.regimes, effect.regimes[i])); }),
-      effect.energies[0], effect.energies[1], effect.energies[2], effect.energies[3], effect.error_bound,
-      PyBool_FromLong(cluster.has_massless_spin), PyBool_FromLong(cluster.has_off_unit_orientation),
-      PyBool_FromLong(effect.creates_energy), PyBool_FromLong(effect.is_unphysical));
-}
-
-// The fields of ClusterImpulses of scene/impulses.py up to no_rebound; None if there is no answer.
-PyObject* impulses_or_none(const ClusterImpulses& impulses) {
-  if (!impulses.are_found) Py_RETURN_NONE;
-  PyObject* tangential = impulses.tangential.empty() ? Py_NewRef(Py_None) : number_list(impulses.tangential);
-  PyObject* e = impulses.restitution < 0 ? Py_NewRef(Py_None) : PyFloat_FromDouble(impulses.restitution);
-  return Py_BuildValue("NNddNN", bytes(impulses.normal), tangential, impulses.error, impulses.margin, e,
-                       PyBool_FromLong(impulses.no_rebound));
-}
-
-// reflections(threshold): the impulses of FRICTIONLESS.
-PyObject* reflect(PyObject* self, PyObject* threshold) {
-  const double relative = PyFloat_AsDouble(threshold);
-  return PyErr_Occurred() ? nullptr : impulses_or_none(Reflections{assembly_of(self)}.resolve(relative));
-}
-// least_work_friction(p, error): the impulses of COULOMB, from frictionless ones.
-PyObject* add_least_work_friction(PyObject* self, PyObject* args) {
-  PyObject* normal;
-  double error;
-  if (!PyArg_ParseTuple(args, "Od", &normal, &error)) return nullptr;
-  const ClusterImpulses impulses = read_impulses(self, normal, error);
-  return impulses.are_found ? impulses_or_none(least_work_friction(assembly_of(self), impulses)) : nullptr;
-}
-// moreau(has_friction): the impulses of MOREAU.
-PyObject* apply_moreau(PyObject* self, PyObject* has_friction) {
-  return impulses_or_none(moreau(assembly_of(self), has_friction == Py_True));
-}
-
-// follow_springs(stiffness, exponent, tolerance, budget, has_friction): the impulses of ROUTH_STRONGE at the end of one
-// path, normal and tangential (or None), the energy that friction took, and the rest of the budget. None if the budget
-// ran out, False if the path has no end.
-PyObject* follow_springs(PyObject* self, PyObject* args) {
-  PyObject* stiffness;
-  double exponent, tolerance;
-  long budget;
-  int has_friction;
-  if (!PyArg_ParseTuple(args, "Oddlp", &stiffness, &exponent, &tolerance, &budget, &has_friction)) return nullptr;
-  const Assembly& assembly = assembly_of(self);
-  Vector ratios(assembly.count);
-  if (!read_list(stiffness, ratios)) return nullptr;
-  ContactSprings springs(assembly, exponent, ratios, budget);
-  std::vector<Axes> P(assembly.count);
-  bool found;
-  {
-    ReleasedGil released;
-    Vector p;
-    found = has_friction ? springs.follow_with_friction(tolerance, P) : springs.follow_without_friction(tolerance, p);
-    for (size_t i = 0; i < p.size(); ++i) P[i][0] = p[i];
-  }
-  if (springs.is_wedged) Py_RETURN_FALSE;
-  if (!found) Py_RETURN_NONE;
-  const ClusterImpulses impulses = with_axis_impulses({}, assembly, P);
-  PyObject* tangential = has_friction ? number_list(impulses.tangential) : Py_NewRef(Py_None);
-  return Py_BuildValue("NNdl", bytes(impulses.normal), tangential, springs.friction_loss, springs.work);
-}
-
 PyObject* get_is_locked(PyObject* self, void*) { return PyBool_FromLong(assembly_of(self).is_locked); }
 PyObject* get_approach_is_uncertain(PyObject* self, void*) {
   return PyBool_FromLong(assembly_of(self).approach_is_uncertain());
 }
-PyObject* get_is_out_of_range(PyObject* self, void*) { return PyBool_FromLong(cluster_of(self).is_out_of_range()); }
 
-PyMethodDef methods[] = {METHOD("no_impulses", no_impulses, METH_NOARGS),
-                         METHOD("impulses_from_floats", impulses_from_floats, METH_O),
+PyMethodDef methods[] = {METHOD("resolve", get_result, METH_VARARGS),
+                         METHOD("normal_velocities", normal_velocities, METH_NOARGS),
                          METHOD("contradictory_contacts", find_contradictory_contacts, METH_NOARGS),
-                         METHOD("velocity_size", velocity_size, METH_O),
-                         METHOD("reflections", reflect, METH_O),
-                         METHOD("effect_of", get_effect, METH_VARARGS),
-                         METHOD("least_work_friction", add_least_work_friction, METH_VARARGS),
-                         METHOD("moreau", apply_moreau, METH_O),
-                         METHOD("follow_springs", follow_springs, METH_VARARGS),
                          {}};
 PyGetSetDef fields[] = {{"is_locked", get_is_locked, nullptr, "", nullptr},
                         {"approach_is_uncertain", get_approach_is_uncertain, nullptr, "", nullptr},
-                        {"is_out_of_range", get_is_out_of_range, nullptr, "", nullptr},
                         {}};
 PyType_Slot slots[] = {
     {Py_tp_dealloc, reinterpret_cast<void*>(dealloc)}, {Py_tp_methods, methods}, {Py_tp_getset, fields}, {}};

@@ -5,6 +5,9 @@ from enum import IntEnum
 REFLECTIONS = 10_000
 """Greatest number of reflections in a cluster of contacts. A chain of n equal balls takes n."""
 
+SPRING_WORK = 1_500_000_000
+"""Budget for the paths of ROUTH_STRONGE in a cluster, roughly in nanoseconds: a second or two."""
+
 
 class Handover(IntEnum):
     """Why the kernels' ``resolve`` hands a request over to Python instead of answering it."""

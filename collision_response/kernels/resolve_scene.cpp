@@ -1,6 +1,7 @@
 // Scenes: several contacts at once. Resolve whole scenes, and clusters of tables, without Python.
 #include <array>
 #include <memory>
+#include <optional>
 
 #include "arrays.hpp"
 #include "module.hpp"
@@ -26,9 +27,9 @@ PyObject* find_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
 
 // resolve_clusters(layout, law, numbers, bodies, pairs, contacts, order, starts, results, wanted, from, to): resolve
 // the clusters wanted[from:to], without the GIL. `numbers` are the approach threshold, the restitution threshold, the
-// tangential restitution and the greatest error bound allowed. The arrays are those of batch/resolve_scenes.py, of the
-// right shapes; `results` are the fields of a ScenesResult. Clusters that are left to Python get the status 0, or keep
-// theirs if no cluster is resolved here.
+// tangential restitution, the tolerance, the greatest error bound allowed, and the budget of ROUTH_STRONGE. The arrays
+// are those of batch/resolve_scenes.py, of the right shapes; `results` are the fields of a ScenesResult. Clusters that
+// are left to Python get the status 0, or keep theirs if no cluster is resolved here.
 PyObject* resolve_clusters(PyObject*, PyObject* args) {
   enum {
     VELOCITY,
@@ -44,15 +45,15 @@ PyObject* resolve_clusters(PyObject*, PyObject* args) {
   };
   int layout;
   long from, to;
-  ClusterOptions options;
+  ClusterOptions options{};
   double bound_limit;
   PyObject *tables[5], *results, *wanted_clusters;
-  if (!PyArg_ParseTuple(args, "ii(dddd)OOOOOO!Oll", &layout, &options.law, &options.threshold,
-                        &options.restitution_threshold, &options.tangential_restitution, &bound_limit, &tables[0],
-                        &tables[1], &tables[2], &tables[3], &tables[4], &PyTuple_Type, &results, &wanted_clusters,
-                        &from, &to))
+  if (!PyArg_ParseTuple(args, "ii(dddddl)OOOOOO!Oll", &layout, &options.law, &options.threshold,
+                        &options.restitution_threshold, &options.tangential_restitution, &options.springs.tolerance,
+                        &bound_limit, &options.springs.work, &tables[0], &tables[1], &tables[2], &tables[3], &tables[4],
+                        &PyTuple_Type, &results, &wanted_clusters, &from, &to))
     return nullptr;
-  if (!options.is_compiled()) Py_RETURN_NONE;
+  if (!options.is_for_clusters()) Py_RETURN_NONE;
   Array bodies, pairs, contacts, order, starts, wanted, result[RESULTS];
   bool open = open_arrays(tables, {&bodies, &pairs, &contacts, &order, &starts}) && wanted.open(wanted_clusters) &&
               PyTuple_GET_SIZE(results) == RESULTS;
@@ -99,10 +100,8 @@ struct SceneRequest {
 
   // Read a scene. False for anything unusual: a number that is no float, an articulated body, a wrong index.
   bool read(PyObject* body_list, PyObject* pair_list, PyObject* contact_list) {
-    for (PyObject* list : {body_list, pair_list, contact_list})
-      if (!PyList_Check(list) && !PyTuple_Check(list)) return false;
-    long n = PySequence_Fast_GET_SIZE(contact_list), of_bodies = PySequence_Fast_GET_SIZE(body_list);
-    if (PySequence_Fast_GET_SIZE(pair_list) != n) return false;
+    long n = PyTuple_GET_SIZE(contact_list), of_bodies = PyTuple_GET_SIZE(body_list);
+    if (PyTuple_GET_SIZE(pair_list) != n) return false;
     bodies.resize(of_bodies);
     contacts.resize(n);
     for (auto* numbers : {&a, &b, &order, &cluster}) numbers->resize(n);
@@ -110,18 +109,18 @@ struct SceneRequest {
     movable.reset(new bool[of_bodies]);
     has_contact.resize(of_bodies);
     for (long i = 0; i < of_bodies; ++i) {
-      PyObject* body = PySequence_Fast_GET_ITEM(body_list, i);
+      PyObject* body = PyTuple_GET_ITEM(body_list, i);
       if (Py_TYPE(body) != python.body || PyTuple_GET_ITEM(body, 7) != Py_None || !read_body(body, bodies[i].data()))
         return false;
       movable[i] = bodies[i][0] < INFINITY;
     }
     for (long k = 0; k < n; ++k) {
-      PyObject* contact = PySequence_Fast_GET_ITEM(contact_list, k);
+      PyObject* contact = PyTuple_GET_ITEM(contact_list, k);
       std::int64_t pair[2];
       if (Py_TYPE(contact) != python.contact || PyTuple_GET_ITEM(contact, 4) != Py_None ||
           !read_contact(contact, contacts[k].data()))
         return false;
-      if (!read_pair(PySequence_Fast_GET_ITEM(pair_list, k), of_bodies, pair)) return false;
+      if (!read_pair(PyTuple_GET_ITEM(pair_list, k), of_bodies, pair)) return false;
       a[k] = pair[0];
       b[k] = pair[1];
       has_contact[a[k]] = has_contact[b[k]] = 1;
@@ -136,11 +135,12 @@ struct SceneRequest {
 // The answer for a scene, put together cluster by cluster: see SceneImpact.
 class SceneAnswer {
  public:
-  SceneAnswer(const SceneRequest& scene, PyObject* const* given, const Plan& plan, const ClusterOptions& options)
+  SceneAnswer(const SceneRequest& scene, PyObject* given_bodies, PyObject* given_contacts, PyObject* model,
+              const Plan& plan, const ClusterOptions& options)
       : scene(scene),
-        bodies(given[0]),
-        contacts(given[2]),
-        model(given[3]),
+        bodies(given_bodies),
+        contacts(given_contacts),
+        model(model),
         plan(plan),
         options(options),
         law(options.law),
@@ -221,9 +221,8 @@ class SceneAnswer {
 
   // A cluster of one contact is an ordinary impact.
   bool resolve_single_contact(std::int64_t k) {
-    PyObject* contact = PySequence_Fast_GET_ITEM(contacts, k);
-    PyObject* request[] = {PySequence_Fast_GET_ITEM(bodies, scene.a[k]), PySequence_Fast_GET_ITEM(bodies, scene.b[k]),
-                           contact};
+    PyObject* contact = PyTuple_GET_ITEM(contacts, k);
+    PyObject* request[] = {PyTuple_GET_ITEM(bodies, scene.a[k]), PyTuple_GET_ITEM(bodies, scene.b[k]), contact};
     OneImpact impact;
     if (compute_one_impact(request, plan, impact) != ANSWERED) {
       PyErr_Clear();  // Python raises it again, and names the fields of the scene
@@ -244,7 +243,8 @@ class SceneAnswer {
   // Resolve the cluster of the contacts order[from:to].
   bool resolve_contacts(long from, long to) {
     const bool is_full_geometry = plan.geometry == GEOMETRY_AUTO || plan.geometry == GEOMETRY_SPATIAL;
-    if (!is_full_geometry || !options.is_compiled()) return false;
+    // ROUTH_STRONGE may take a second, and Python says why it has no answer.
+    if (!is_full_geometry || !options.is_for_clusters() || options.law == LAW_ROUTH_STRONGE) return false;
     auto read_body = [this](std::int64_t i, double* x) {
       std::copy(scene.bodies[i].begin(), scene.bodies[i].end(), x);
     };
@@ -257,7 +257,7 @@ class SceneAnswer {
     if (parts.has_copies()) return false;
     Cluster cluster(parts, options.law == LAW_FRICTIONLESS);
     if (cluster.fault) return false;
-    const ClusterResult result = resolve_cluster(cluster, options);
+    const ClusterResult result = resolve_cluster(cluster);
     if (result.code != STATUS_OK) return false;
     const ImpulseEffect& effect = result.effect;
     for (std::size_t i = 0; i < used.size(); ++i) {
@@ -268,7 +268,7 @@ class SceneAnswer {
       std::int64_t k = scene.order[from + i];
       const auto& given = scene.contacts[k];
       double e = result.restitution < 0 ? cluster.assembly.contacts[i].e : result.restitution;
-      PyObject* contact = contact_as_used(PySequence_Fast_GET_ITEM(contacts, k), e, e != given[6],
+      PyObject* contact = contact_as_used(PyTuple_GET_ITEM(contacts, k), e, e != given[6],
                                           options.law == LAW_FRICTIONLESS && given[7] != 0);
       put_contact(k, contact, &effect.impulses[3 * i], effect.normal_velocities_before[i],
                   effect.normal_velocities_after[i], effect.regimes[i]);
@@ -278,6 +278,12 @@ class SceneAnswer {
                 cluster.has_friction ? PRECISION_DOUBLE : PRECISION_EXTENDED);
     margin = std::fmin(margin, result.margin);
     return true;
+  }
+  // Without the GIL if it takes long. Otherwise getting the GIL back may take longer than the work.
+  ClusterResult resolve_cluster(Cluster& cluster) const {
+    std::optional<ReleasedGil> released;
+    if (cluster.assembly.count > 32) released.emplace();
+    return ::resolve_cluster(cluster, options);
   }
 
   // A body that is not movable, or has no contact. False if it is invalid, which a contact with a point mass tells.
@@ -293,6 +299,12 @@ class SceneAnswer {
     return !cluster.fault;
   }
 };
+
+// A tuple of what a list holds: no other thread can change it while the GIL is released.
+struct FreeTuple {
+  void operator()(PyObject* tuple) const { Py_DECREF(tuple); }
+};
+using Tuple = std::unique_ptr<PyObject, FreeTuple>;
 
 // Whether an object is a fraction, or a tuple or list that contains one.
 bool holds_fraction(PyObject* o) {
@@ -318,10 +330,17 @@ PyObject* resolve_scene(PyObject*, PyObject* const* args, Py_ssize_t count) {
   ClusterOptions options{0, PyFloat_AsDouble(args[4]), plan.setting(IN_MODEL_RESTITUTION_THRESHOLD),
                          plan.setting(IN_MODEL_TANGENTIAL_RESTITUTION)};
   if (PyErr_Occurred()) return nullptr;
+  Tuple lists[3];
+  for (int i = 0; i < 3; ++i) {
+    if (!PyList_Check(args[i]) && !PyTuple_Check(args[i])) Py_RETURN_NONE;
+    lists[i].reset(PySequence_Tuple(args[i]));
+    if (!lists[i]) return nullptr;
+  }
+  PyObject *bodies = lists[0].get(), *pairs = lists[1].get(), *contacts = lists[2].get();
   SceneRequest scene;
-  if (!scene.read(args[0], args[1], args[2])) Py_RETURN_NONE;
+  if (!scene.read(bodies, pairs, contacts)) Py_RETURN_NONE;
   options.law = scene.has_friction ? plan.law_with_friction : plan.law_without_friction;
-  SceneAnswer answer(scene, args, plan, options);
+  SceneAnswer answer(scene, bodies, contacts, args[3], plan, options);
   if (answer.resolve()) return answer.fields();
   return PyErr_Occurred() ? nullptr : Py_NewRef(Py_None);
 }

@@ -8,17 +8,18 @@ From the request to its answer:
     clusters.py           which contacts form a cluster, and which of them are copies of another
     resolve_cluster.py    resolve a cluster of several contacts:
         cluster.py        - its bodies and contacts, as the numbers that the laws compute with
-        apply_law.py      - the impulses that a law gives, with its fallbacks
-        impulses.py       - what impulses do to the bodies and contacts
-    cluster_answer.py     the answer for one cluster;  answer.py: for the scene
+        in_kernels.py     - a law in double-double, or in doubles where there is friction
+        in_fractions.py   - a law in fractions, for rational scenes and for what the kernels leave undecided
+    cluster_result.py     the result of a law;  cluster_answer.py: with the contacts and bodies as given
+    answer.py             the answer for the scene
     order_sensitivity.py  how much the answer depends on the order of impacts, if asked for
 
-The laws: ``reflections.py`` (FRICTIONLESS), ``coulomb.py``, ``moreau.py`` and ``stronge.py``. Each states its
-equations and its sources. Most of the arithmetic is in ``kernels/scene/``.
+Each law has its derivation and its sources at the head of one file: FRICTIONLESS in ``reflections.py``,
+COULOMB and MOREAU in ``kernels/scene/friction.hpp``, ROUTH_STRONGE in ``kernels/scene/stronge.hpp``.
 
-A law is given a *cluster*, which knows what impulses do to its bodies and contacts. There are two kinds:
-``Cluster`` of ``kernels/cluster_object.cpp``, in double-double with a bound on its error, and the exact
-:class:`~collision_response.scene.rational_cluster.RationalCluster`, which ``rational_algebra.py`` solves.
+There are two kinds of cluster: ``Cluster`` of ``kernels/cluster_object.cpp``, in double-double with a bound
+on its error, and the exact :class:`~collision_response.scene.rational_cluster.RationalCluster`, which
+``rational_algebra.py`` solves.
 
 ``kernels/resolve_scene.cpp`` takes the same steps without Python, for the usual scene: all numbers are
 floats, clusters of several contacts have the law FRICTIONLESS, COULOMB or MOREAU, no contact is given twice,

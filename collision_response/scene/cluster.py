@@ -1,11 +1,11 @@
-"""The bodies and contacts of one cluster, and the object that knows what impulses do to them."""
+"""The bodies and contacts of one cluster, in numbers, assembled for the laws."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ..arguments import check_number
 from ..in_python.coefficients_at_speed import initial_friction, restitution_at_speed
@@ -16,9 +16,11 @@ from ..physics.contact import Contact
 from ..physics.laws import Law
 from ..status import ImpactError, StatusCode
 from .clusters import DistinctContacts, Pair
-from .impulses import ClusterImpulses, effect_of
 from .rational_cluster import RationalCluster
 from .request import ContactIndices, SceneOptions, SceneRequest, as_floats, check_contact, with_scene_names
+
+AnyCluster = library.Cluster | RationalCluster
+"""A cluster as laws are applied to it: in double-double, or in fractions."""
 
 
 class ClusterParts(NamedTuple):
@@ -51,13 +53,13 @@ class ClusterParts(NamedTuple):
 
 def assemble(
     scene: SceneRequest, distinct: DistinctContacts, options: SceneOptions
-) -> tuple[Any, ClusterParts, list[int], bool]:
+) -> tuple[AnyCluster, ClusterParts, list[int], bool]:
     """Return the cluster of some contacts of a scene, as laws are applied to it.
 
     Returns:
-        The cluster, which knows what impulses do, see ``scene/__init__.py``; its bodies and contacts, with
-        the numbers that are used: every coefficient is a number; the scene indices of these bodies; and
-        whether an approach was so slow that its restitution was taken as 0.
+        The cluster; its bodies and contacts, with the numbers that are used: every coefficient is a number;
+        the scene indices of these bodies; and whether an approach was so slow that its restitution was taken
+        as 0.
 
     Raises:
         ImpactError: if a body or a contact is invalid; ``field`` names it.
@@ -93,7 +95,7 @@ def _with_friction_as_number(scene: SceneRequest, i: int, law: Law) -> Contact:
 
 def _assemble_with_restitution(
     scene: SceneRequest, parts: ClusterParts, options: SceneOptions
-) -> tuple[Any, ClusterParts, bool]:
+) -> tuple[AnyCluster, ClusterParts, bool]:
     """Return the cluster, its parts with numbers for restitution, and whether a speed is below the threshold.
 
     Restitution that is a function of the approach speed, or subject to the restitution threshold, needs the
@@ -107,8 +109,7 @@ def _assemble_with_restitution(
     cluster, parts = _assemble(scene, parts, options.exact)
     if not (has_function or threshold):
         return cluster, parts, False
-    at_rest = effect_of(cluster, ClusterImpulses(cluster.no_impulses()))
-    speeds = [-u for u in at_rest.normal_velocities_before]
+    speeds = [-u for u in cluster.normal_velocities()]
     fastest, is_slow, contacts = max(0.0, *speeds), False, []
     for original, contact, speed, i in zip(given, parts.contacts, speeds, parts.indices, strict=True):
         e = contact.restitution
@@ -121,7 +122,7 @@ def _assemble_with_restitution(
     return cluster, parts, is_slow
 
 
-def _assemble(scene: SceneRequest, parts: ClusterParts, exact: bool) -> tuple[Any, ClusterParts]:
+def _assemble(scene: SceneRequest, parts: ClusterParts, exact: bool) -> tuple[AnyCluster, ClusterParts]:
     """Return the cluster, and its parts in the numbers that it uses.
 
     ``library.assemble`` returns ``None`` if a number is not a float, and ``False`` if a contact is invalid.

@@ -7,9 +7,11 @@ matter of modelling. Where they agree, as for two balls that strike one wall, it
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Sequence
 
+from ..answer import norm_components
 from ..in_python.request_numbers import read_request
 from ..model import ImpactModel
 from ..physics.body import Body, Twist
@@ -18,7 +20,6 @@ from ..physics.vector import Vec3
 from ..resolve import resolve
 from ..status import StatusCode
 from .clusters import Pair
-from .impulses import relative_distance
 from .request import ContactIndices, with_scene_names
 
 SWEEPS = 1000
@@ -51,6 +52,21 @@ def order_sensitivity(
             rng.shuffle(order)
         answers.append(resolve_sequentially(bodies, pairs, contacts, model, order))
     return max(relative_distance(bodies, one, other) for one in answers for other in answers)
+
+
+def relative_distance(bodies: Sequence[Body], changes: Sequence[Twist], reference: Sequence[Twist]) -> float:
+    """Return how far the twist changes of bodies are from a reference, relative to that, in the norm of
+    ``error_bound``.
+    """
+    distances, sizes = [], []
+    for body, change, expected in zip(bodies, changes, reference, strict=True):
+        if body.is_movable():
+            components = norm_components(body, expected)
+            root = math.sqrt(body.mass)
+            distances.append(root * math.dist(norm_components(body, change), components))
+            sizes.append(root * math.hypot(*components))
+    distance, size = math.hypot(*distances), math.hypot(*sizes)
+    return 0.0 if distance == 0 else distance / size if size else math.inf
 
 
 def resolve_sequentially(

@@ -11,9 +11,10 @@ negative sum and a positive one may add up to 0, which holds nothing.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
-from typing import Any
+from typing import NamedTuple
 
 from ..impact import with_change
 from ..numbers.operations import Scalar, square_root
@@ -24,7 +25,7 @@ from ..physics.energy import kinetic_energy
 from ..physics.laws import Regime
 from ..physics.vector import Vec3
 from ..validity import is_not_normalised
-from .impulses import ImpulseEffect
+from .cluster_result import ImpulseEffect
 from .rational_algebra import ZERO, Numbers, dot, minimise, null_space, solve_each
 
 ZERO_VECTOR = Vec3(ZERO, ZERO, ZERO)
@@ -33,15 +34,22 @@ ROUNDING = Fraction(1, 2**40)
 """A law may create this fraction of the work at the contacts: the same as in floats, where it is rounding."""
 
 
+class RationalImpulses(NamedTuple):
+    """Impulses along the normals, in fractions; the rest as in :class:`ClusterResult`."""
+
+    normal: Numbers
+    margin: Scalar = math.inf
+    restitution: Scalar | None = None
+    no_rebound: bool = False
+    fell_back: bool = False
+
+
 class RationalCluster:
     """The contacts of one cluster, in fractions. ``counts`` says how often each contact is given.
 
     ``A`` is the matrix of normal velocities by normal impulses; impulses and velocities are along normals of
     any length. ``fastest_square`` is the square of the speed of the fastest approach before the impact.
     """
-
-    is_locked = False
-    approach_is_uncertain = False
 
     def __init__(
         self,
@@ -66,6 +74,10 @@ class RationalCluster:
         self.A = [list(row) for row in zip(*(self._velocity_changes(unit) for unit in units), strict=True)]
         self._holding = self._find_holding()
         self.fastest_square = max(ZERO, *(-square for square in self._signed_squares(self._u)))
+
+    def normal_velocities(self) -> Numbers:
+        """Return the normal velocity of each contact before the impact [m/s]."""
+        return [u / contact.normal.norm() for u, contact in zip(self._u, self._contacts, strict=True)]
 
     def no_impulses(self) -> Numbers:
         """Return impulses of 0, except for those that contacts that hold need at once."""
@@ -101,12 +113,11 @@ class RationalCluster:
         """
         return self._keep_from_approaching(self._velocities(p), range(self.count) if among is None else among)
 
-    def moreau(self, _: bool) -> tuple[Numbers, None, float] | None:
+    def moreau(self) -> Numbers | None:
         """Return the impulses of MOREAU without friction; ``None`` if there are none."""
         if not self.can_rebound():
             return None
-        q = self._keep_from_approaching(self._velocities_minus_rebound(), range(self.count))
-        return None if q is None else (q, None, 0.0)
+        return self._keep_from_approaching(self._velocities_minus_rebound(), range(self.count))
 
     def can_rebound(self) -> bool:
         """Whether all contacts can have at least the velocities ``-e min(u, 0)`` that MOREAU asks for."""
@@ -125,32 +136,35 @@ class RationalCluster:
             return ZERO
         return sum(w * c.restitution for w, c in zip(weights, self._contacts, strict=True)) / total
 
-    def effect_of(self, p: Numbers, *_: Any) -> ImpulseEffect:
+    def effect_of(self, p: Numbers) -> ImpulseEffect:
         """Return what normal impulses do."""
         changes = self._twist_changes(p)
         moved = list(map(with_change, self._bodies, changes))
         after = self._velocities(p)
-        lost = -sum((x * (b + a) for x, b, a in zip(p, self._u, after, strict=True)), start=ZERO) / 2
-        work = sum((x * (abs(b) + abs(a)) for x, b, a in zip(p, self._u, after, strict=True)), start=ZERO)
+        lost = -dot(p, [b + a for b, a in zip(self._u, after, strict=True)]) / 2
         massless_spins = [body.angular_velocity - body.effective_spin()[1] for body in self._bodies]
         lengths = [contact.normal.norm() for contact in self._contacts]
         least = self.least_norm(p)
         impulses = [c.normal * x for c, x in zip(self._contacts, least, strict=True)]
-        creates_energy = lost < -ROUNDING * work
         return ImpulseEffect(
             changes=changes,
             twists=[Twist(body.velocity, body.angular_velocity) for body in moved],
             impulses=impulses,
-            normal_velocities_before=[u / length for u, length in zip(self._u, lengths, strict=True)],
+            normal_velocities_before=self.normal_velocities(),
             normal_velocities_after=[u / length for u, length in zip(after, lengths, strict=True)],
             regimes=[Regime.SLIDING if any(impulse) else Regime.SEPARATING for impulse in impulses],
             energies=(sum(map(kinetic_energy, self._bodies)), sum(map(kinetic_energy, moved)), lost, ZERO),
             error_bound=0.0,
             has_massless_spin=any(spin.dot(spin) > 0 for spin in massless_spins),
             has_off_unit_orientation=any(map(is_not_normalised, self._bodies)),
-            creates_energy=creates_energy,
-            is_unphysical=creates_energy or min(least) < 0 or min(after) < 0,
+            is_unphysical=self.creates_energy(p) or min(least) < 0 or min(after) < 0,
         )
+
+    def creates_energy(self, p: Numbers) -> bool:
+        """Whether the contacts gain more energy by normal impulses than rounding would explain in floats."""
+        after = self._velocities(p)
+        gained = dot(p, [b + a for b, a in zip(self._u, after, strict=True)])
+        return gained > 2 * ROUNDING * dot(p, [abs(b) + abs(a) for b, a in zip(self._u, after, strict=True)])
 
     def _twist_changes(self, p: Numbers) -> list[Twist]:
         """Return the change of each movable body's twist by impulses ``p``."""

@@ -30,13 +30,11 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
-from typing import Any
 
 from ..kernels.protocol import REFLECTIONS
 from ..numbers.operations import Scalar
 from ..status import ImpactError, StatusCode
-from .impulses import ClusterImpulses
-from .rational_cluster import RationalCluster
+from .rational_cluster import RationalCluster, RationalImpulses
 
 THRESHOLD = 2.0**-30
 """Approaches slower than this fraction of the fastest one are ignored, so that rounding never decides one."""
@@ -49,25 +47,17 @@ LEAST_DIGITS = 64
 """Impulses of fewer binary digits take no less time."""
 
 
-def reflections(cluster: Any, threshold: Scalar) -> ClusterImpulses:
+def reflections(cluster: RationalCluster, threshold: Scalar) -> RationalImpulses:
     """Return the impulses of GRR.
 
     Args:
-        cluster: see ``scene/__init__.py``.
+        cluster: in fractions.
         threshold: approaches slower than this fraction of the fastest one are ignored.
 
     Raises:
-        ImpactError: CONTRADICTORY_CONTACTS, if no velocities keep all contacts from approaching;
-            PATH_TOO_LONG, if contacts press on each other so that double-double arithmetic cannot tell.
+        ImpactError: CONTRADICTORY_CONTACTS, if no velocities keep all contacts from approaching.
     """
-    if isinstance(cluster, RationalCluster):
-        impulses = _in_fractions(cluster, Fraction(threshold))
-    else:
-        found = cluster.reflections(threshold)
-        impulses = None if found is None else ClusterImpulses(*found)
-    if impulses is None and cluster.is_locked:
-        reason = "press on each other, and may or may not contradict: too many to decide exactly"
-        raise ImpactError(StatusCode.PATH_TOO_LONG, "contacts", reason)
+    impulses = _reflections(cluster, Fraction(threshold))
     if impulses is None:
         raise contradiction()
     return impulses
@@ -79,18 +69,18 @@ def contradiction() -> ImpactError:
     return ImpactError(StatusCode.CONTRADICTORY_CONTACTS, "contacts", reason)
 
 
-def _in_fractions(cluster: RationalCluster, threshold: Fraction) -> ClusterImpulses | None:
+def _reflections(cluster: RationalCluster, threshold: Fraction) -> RationalImpulses | None:
     p = cluster.no_impulses()
     if not cluster.fastest_square > 0:
-        return ClusterImpulses(p)
+        return RationalImpulses(p)
     q = cluster.project(p)
     if q is None:
         return None
     e = cluster.cluster_restitution(q)
     inelastic = [x + y for x, y in zip(p, q, strict=True)]
     if e == 0:
-        return ClusterImpulses(inelastic, restitution=e)
-    endless = ClusterImpulses(inelastic, restitution=Fraction(0), no_rebound=True)
+        return RationalImpulses(inelastic, restitution=e)
+    endless = RationalImpulses(inelastic, restitution=Fraction(0), no_rebound=True)
     margin: Scalar = math.inf
     digits = 0
     for _ in range(REFLECTIONS):
@@ -114,4 +104,4 @@ def _in_fractions(cluster: RationalCluster, threshold: Fraction) -> ClusterImpul
         if q is None:
             return None
         p = [x + y for x, y in zip(p, q, strict=True)]
-    return ClusterImpulses(p, margin=margin, restitution=e)
+    return RationalImpulses(p, margin=margin, restitution=e)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 from ..arguments import check_number
@@ -12,10 +11,14 @@ from ..kernels import library
 from ..model import Adjustment, Geometry, ImpactModel, Precision
 from ..physics.laws import Law
 from ..status import ImpactError, StatusCode
-from .apply_law import apply_law
 from .cluster import ClusterParts, assemble
 from .cluster_answer import ClusterAnswer
+from .cluster_result import ClusterResult
 from .clusters import DistinctContacts
+from .in_fractions import decide, resolve_in_fractions
+from .in_kernels import resolve_in_kernels
+from .rational_cluster import RationalCluster
+from .reflections import contradiction
 from .request import SceneOptions, SceneRequest
 
 CLUSTER_LAWS = (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE)
@@ -39,22 +42,16 @@ def resolve_cluster(scene: SceneRequest, distinct: DistinctContacts, options: Sc
         and law is not Law.FRICTIONLESS
         and any([contact.friction > 0 for contact in parts.contacts])
     )
-    if not options.exact and cluster.is_out_of_range:
-        raise library.refusal(StatusCode.OUT_OF_RANGE)
-
-    impulses, effect = apply_law(cluster, parts, options, has_friction=has_friction)
-    if impulses.fell_back:
+    if isinstance(cluster, RationalCluster):
+        result = resolve_in_fractions(cluster, law, options.threshold)
+    else:
+        result = resolve_in_kernels(cluster, parts, options, law)
+        if result.code == StatusCode.UNSET:
+            result = decide(cluster, parts, options, has_friction=has_friction)
+    _check_result(result, parts)
+    if result.fell_back:
         law = Law.COULOMB if has_friction else Law.FRICTIONLESS
-    # The energies are sums over everything else, so they are finite only if everything is.
-    if not (options.exact or all(map(math.isfinite, effect.energies))):
-        raise library.refusal(StatusCode.OUT_OF_RANGE)
-    if effect.is_unphysical:
-        raise library.refusal(StatusCode.INTERNAL_ERROR)
-    energies = effect.energies
-    if impulses.friction_loss is not None:
-        before, after, restitution, friction = energies
-        energies = before, after, restitution + friction - impulses.friction_loss, impulses.friction_loss
-    e, contacts = impulses.restitution, parts.contacts
+    e, contacts, effect = result.restitution, parts.contacts, result.effect
     if e is not None:
         contacts = [c if c.restitution == e else c._replace(restitution=e) for c in contacts]
     in_doubles = has_friction or law is Law.ROUTH_STRONGE
@@ -67,13 +64,13 @@ def resolve_cluster(scene: SceneRequest, distinct: DistinctContacts, options: Sc
         normal_velocities_before=effect.normal_velocities_before,
         normal_velocities_after=effect.normal_velocities_after,
         regimes=effect.regimes,
-        energies=energies,
+        energies=effect.energies,
         error_bound=effect.error_bound,
-        decision_margin=impulses.margin,
+        decision_margin=result.margin,
         adjustments=effect.has_off_unit_orientation * Adjustment.NORMALISED_ORIENTATION
         | below_restitution_threshold * Adjustment.RESTITUTION_THRESHOLD
-        | impulses.fell_back * Adjustment.LAW_FALLBACK
-        | impulses.no_rebound * Adjustment.NO_REBOUND
+        | result.fell_back * Adjustment.LAW_FALLBACK
+        | result.no_rebound * Adjustment.NO_REBOUND
         | effect.has_massless_spin * Adjustment.MASSLESS_SPIN,
         model=ImpactModel(
             law,
@@ -82,6 +79,21 @@ def resolve_cluster(scene: SceneRequest, distinct: DistinctContacts, options: Sc
             *model[3:],
         ),
     )
+
+
+def _check_result(result: ClusterResult, parts: ClusterParts) -> None:
+    """Raises: ImpactError: if a law has no answer."""
+    code = result.code
+    if code == StatusCode.CONTRADICTORY_CONTACTS:
+        raise contradiction()
+    if code == StatusCode.PATH_TOO_LONG:
+        field, reason = "contacts", result.fault
+        if result.faulty >= 0:
+            e = parts.contacts[result.faulty].restitution
+            field, reason = f"contacts[{parts.indices[result.faulty]}].restitution", f"{reason}, is {e}"
+        raise ImpactError(StatusCode.PATH_TOO_LONG, field, reason)
+    if code != StatusCode.OK:
+        raise library.refusal(code)
 
 
 def _check_model(scene: SceneRequest, indices: Sequence[int], model: ImpactModel, law: Law) -> None:

@@ -16,7 +16,7 @@ template <class R> R rounded_to(const N& x) {  // to the digits of R
 INLINE double width(const N& x) { return x.error * (1 + 0x1p-30); }  // a bound on the error of high(x)
 
 // The exponent of the power of two that scales a normal or a quaternion into the middle of the range of doubles; 0 if
-// it is there already. _with_scaled_normal in apply_law.py does the same for normals.
+// it is there already. _with_scaled_normal in scene/in_fractions.py does the same for normals.
 inline int exponent_of(const double* x, int count) {
   double largest = 0;
   for (int k = 0; k < count; ++k) largest = std::fmax(largest, std::fabs(x[k]));

@@ -1,14 +1,14 @@
-// Resolve one cluster of several contacts as scene/resolve_cluster.py does, if doubles and double-double suffice.
+// Resolve one cluster of several contacts in doubles and double-double.
 #pragma once
 #include <array>
 
 #include "../contact_pairs.hpp"
-#include "effect.hpp"
 #include "reflections.hpp"
+#include "stronge.hpp"
 #include "validity_everything.hpp"
 
-using Code = unsigned char;  // a StatusCode, or LEFT_TO_PYTHON
-constexpr Code LEFT_TO_PYTHON = 0;
+using Code = unsigned char;  // a StatusCode, or UNDECIDED
+constexpr Code UNDECIDED = 0;  // fractions may know more: see scene/undecided.py
 
 // The bodies and contacts of a cluster as numbers. Contacts name bodies by their indices in `bodies`.
 struct ClusterParts {
@@ -112,11 +112,21 @@ struct Cluster {
 struct ClusterOptions {
   int law;
   double threshold, restitution_threshold, tangential_restitution;
+  SpringOptions springs{};
 
-  // Whether clusters of several contacts are resolved here. If not, they are left to Python.
-  bool is_compiled() const {
-    return (law == LAW_FRICTIONLESS || law == LAW_COULOMB || law == LAW_MOREAU) && tangential_restitution == 0;
+  // Whether the law resolves several contacts at once. If not, Python says so.
+  bool is_for_clusters() const {
+    return (law == LAW_FRICTIONLESS || law == LAW_COULOMB || law == LAW_MOREAU || law == LAW_ROUTH_STRONGE) &&
+           tangential_restitution == 0;
   }
+  // Whether copies of a contact count as one contact.
+  bool merges_copies() const { return law != LAW_ROUTH_STRONGE; }
+};
+
+// What fractions have decided about a cluster.
+struct Decided {
+  bool is_final = false;  // whether they were asked: if so, there is an answer, if only with an infinite bound
+  const ClusterImpulses* normal = nullptr;  // the impulses without friction, if they found them
 };
 
 struct ClusterResult {
@@ -124,6 +134,8 @@ struct ClusterResult {
   ImpulseEffect effect;
   double margin = INFINITY, restitution = -1;  // as in ClusterImpulses
   bool below_restitution_threshold = false, fell_back = false, no_rebound = false;
+  const char* fault = "";  // for PATH_TOO_LONG: why
+  int faulty = -1;  // the contact that it is about; -1: all
 };
 
 inline int adjustments_of(const Cluster& cluster, const ClusterResult& result) {
@@ -133,52 +145,99 @@ inline int adjustments_of(const Cluster& cluster, const ClusterResult& result) {
          cluster.has_massless_spin * ADJUSTMENT_MASSLESS_SPIN;
 }
 
-// MOREAU: see scene/moreau.py. Without friction, in double-double.
+// Compute what impulses do, and whether that is an answer.
+inline void report(const Assembly& assembly, const ClusterImpulses& impulses, bool sticks_by_slip,
+                   ClusterResult& result) {
+  result.effect = effect_of(assembly, impulses, sticks_by_slip);
+  result.code = !result.effect.is_finite()    ? STATUS_OUT_OF_RANGE
+                : result.effect.is_unphysical ? STATUS_INTERNAL_ERROR
+                                              : STATUS_OK;
+  result.margin = impulses.margin;
+  result.restitution = impulses.restitution;
+  result.no_rebound = impulses.no_rebound;
+}
+
+inline void refuse_path(const char* fault, ClusterResult& result) {
+  result.code = STATUS_PATH_TOO_LONG;
+  result.fault = fault;
+}
+
+// ROUTH_STRONGE. The error bound includes the estimate of the error of the path.
+inline void resolve_by_springs(const Assembly& assembly, const SpringOptions& options, bool has_friction,
+                               ClusterResult& result) {
+  auto separates = [](const AssembledContact& contact) { return contact.axes[0].velocity >= 0; };
+  if (std::all_of(assembly.contacts.begin(), assembly.contacts.end(), separates))
+    return report(assembly, {true, std::vector<DD>(assembly.count)}, true, result);
+  for (int i = 0; i < assembly.count; ++i)
+    if (assembly.contacts[i].e < LEAST_SPRING_RESTITUTION &&
+        (result.faulty < 0 || assembly.contacts[i].e < assembly.contacts[result.faulty].e))
+      result.faulty = i;
+  if (result.faulty >= 0) return refuse_path("must be at least 0.05 for ROUTH_STRONGE in a cluster", result);
+  SpringPath path = follow_springs(assembly, options, has_friction);
+  if (path.fault) return refuse_path(path.fault, result);
+  const double rounding = effect_of(assembly, path.impulses, true).error_bound;
+  path.impulses.error = path.error * assembly.velocity_size(path.impulses.normal.data());
+  report(assembly, path.impulses, true, result);
+  result.effect.error_bound = path.error + rounding;
+  double* energies = result.effect.energies;
+  energies[2] += energies[3] - path.friction_loss;
+  energies[3] = path.friction_loss;
+}
+
+// MOREAU: friction.hpp derives it. Without friction, in double-double.
 inline ClusterImpulses moreau(const Assembly& assembly, bool has_friction) {
   if (has_friction) return moreau_with_friction(assembly);
   auto separates = [](const AssembledContact& contact) { return high(contact.velocity) >= 0; };
   if (std::all_of(assembly.contacts.begin(), assembly.contacts.end(), separates))
     return {true, std::vector<DD>(assembly.count)};
+  if (assembly.is_locked) return {false};
   Projection found = project_to_rebound(assembly);
   return {found.status == MinimumStatus::FOUND, found.q, found.error};
 }
 
-// Apply a law, with its fallbacks, as in scene/apply_law.py. The code is LEFT_TO_PYTHON if only fractions can decide.
-inline ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& options) {
+// Apply a law, with its fallbacks:
+//
+// * Contacts that press on each other without end, such as a ball between two walls, are locked: no velocity separates
+//   all of them. Fractions decide what happens. If the cluster is too large for them, it does not rebound, and its
+//   error has no bound.
+// * Double-double may be too coarse to tell whether a contact approaches, or reaches the threshold of reflections.
+//   Fractions decide that too.
+// * MOREAU may have no solution, or one that creates energy. Then COULOMB answers, or FRICTIONLESS if there is no
+//   friction.
+inline ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& options, const Decided& decided = {}) {
   Assembly& assembly = cluster.assembly;
-  ClusterResult result{LEFT_TO_PYTHON, {}};
+  ClusterResult result{UNDECIDED, {}};
   if (cluster.is_out_of_range()) {
     result.code = STATUS_OUT_OF_RANGE;
     return result;
   }
-  if (assembly.is_locked || assembly.approach_is_uncertain()) return result;
+  if (!decided.is_final && (assembly.is_locked || assembly.approach_is_uncertain())) return result;
   for (AssembledContact& contact : assembly.contacts) {
     double speed = -contact.axes[0].velocity;
     bool is_slow = speed > 0 && speed < options.restitution_threshold && contact.e > 0;
     if (is_slow) contact.e = 0;
     result.below_restitution_threshold = result.below_restitution_threshold || is_slow;
   }
-  ClusterImpulses impulses;
-  auto finish = [&] {
-    result.effect = effect_of(assembly, impulses, false);
-    result.code = !result.effect.is_finite()    ? STATUS_OUT_OF_RANGE
-                  : result.effect.is_unphysical ? STATUS_INTERNAL_ERROR
-                                                : STATUS_OK;
-    result.margin = impulses.margin;
-    result.restitution = impulses.restitution;
-    result.no_rebound = impulses.no_rebound;
-  };
-  if (options.law == LAW_MOREAU) {
-    impulses = moreau(assembly, cluster.has_friction);
-    if (impulses.are_found) finish();
-    if (result.code != LEFT_TO_PYTHON && !result.effect.creates_energy) return result;
+  const bool has_friction = cluster.has_friction && options.law != LAW_FRICTIONLESS;
+  if (options.law == LAW_ROUTH_STRONGE) {
+    resolve_by_springs(assembly, options.springs, has_friction, result);
+    return result;
+  }
+  if (options.law == LAW_MOREAU && !decided.normal) {
+    const ClusterImpulses impulses = moreau(assembly, has_friction);
+    if (impulses.are_found) report(assembly, impulses, false, result);
+    if (result.code != UNDECIDED && !result.effect.creates_energy) return result;
     result.fell_back = true;
   }
-  impulses = Reflections{assembly}.resolve(options.threshold);
-  const bool is_undecided = impulses.error == INFINITY;
-  if (cluster.has_friction && impulses.are_found) impulses = least_work_friction(assembly, impulses);
-  if (!impulses.are_found) result.code = STATUS_CONTRADICTORY_CONTACTS;
-  else if (is_undecided) result.code = LEFT_TO_PYTHON;
-  else finish();
+  ClusterImpulses impulses = decided.normal ? *decided.normal : Reflections{assembly}.resolve(options.threshold);
+  if (!impulses.are_found && assembly.is_locked) {
+    refuse_path("press on each other, and may or may not contradict: too many to decide exactly", result);
+  } else if (!impulses.are_found) {
+    result.code = STATUS_CONTRADICTORY_CONTACTS;
+  } else if (impulses.error == INFINITY && !decided.is_final) {
+    result.code = UNDECIDED;
+  } else {
+    report(assembly, has_friction ? least_work_friction(assembly, impulses) : impulses, false, result);
+  }
   return result;
 }

@@ -1,5 +1,5 @@
-// ROUTH_STRONGE: the differential equation of Liu, Zhao & Brogliato, in plain doubles, along the axes of each contact.
-// scene/stronge.py derives it, and chooses the tolerance of the path.
+// ROUTH_STRONGE: one path of its differential equation, in plain doubles, along the axes of each contact.
+// stronge.hpp derives it, and chooses the tolerance of the path.
 //
 //     p_i' = f_i = k_i max(x_i, 0)^eta
 //     x_i' = -u_i            while u_i < 0                     loading

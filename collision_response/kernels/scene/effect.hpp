@@ -1,4 +1,4 @@
-// What impulses do to the bodies and the contacts of a cluster: ImpulseEffect of scene/impulses.py.
+// What impulses do to the bodies and the contacts of a cluster: ImpulseEffect of scene/cluster_result.py.
 #pragma once
 #include "friction.hpp"
 

@@ -1,4 +1,4 @@
-// The impulses that a law gives for a cluster: ClusterImpulses of scene/impulses.py.
+// The impulses that a law gives for a cluster.
 #pragma once
 #include "assembly.hpp"
 

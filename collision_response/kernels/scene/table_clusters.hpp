@@ -21,7 +21,7 @@ struct TableClusters {
   std::vector<std::int64_t> used{};  // the bodies of the cluster
   const std::int64_t *first = nullptr, *last = nullptr;  // its contacts
 
-  // Resolve a cluster of several contacts. Its status is LEFT_TO_PYTHON if only Python can resolve it.
+  // Resolve a cluster of several contacts. Its status is UNDECIDED if only Python can resolve it.
   void resolve(long cluster) {
     first = order + starts[cluster];
     last = order + starts[cluster + 1];
@@ -36,7 +36,7 @@ struct TableClusters {
         x[i] = table.contact[i] < 0 || table.contact[i] >= rows ? 0 : contacts[table.contact[i] * count + k];
     };
     ClusterParts parts = take_parts(pairs, first, last, place, used, body, contact);
-    status[cluster] = parts.has_copies() ? LEFT_TO_PYTHON : resolve(cluster, parts);
+    status[cluster] = options.merges_copies() && parts.has_copies() ? UNDECIDED : resolve(cluster, parts);
   }
 
  private:
@@ -44,7 +44,7 @@ struct TableClusters {
     Cluster cluster(parts, options.law == LAW_FRICTIONLESS);
     if (cluster.fault) return refuse(number, static_cast<Code>(cluster.fault));
     ClusterResult result = resolve_cluster(cluster, options);
-    if (result.code == LEFT_TO_PYTHON) return LEFT_TO_PYTHON;
+    if (result.code == UNDECIDED) return UNDECIDED;
     if (result.code != STATUS_OK) return refuse(number, result.code);
     const ImpulseEffect& effect = result.effect;
     const long n = pairs.bodies;

@@ -1,0 +1,138 @@
+"""A law for one cluster in fractions: for rational scenes, and for what the kernels leave undecided.
+
+A cluster is left undecided in three cases, which ``resolve_cluster`` of ``kernels/scene/cluster.hpp``
+describes: contacts lock, it is uncertain whether a contact approaches, or whether one reaches the threshold
+of reflections. In clusters of at most ``RATIONAL_CONTACTS`` contacts, fractions then find the impulses
+without friction; the kernels compute friction, and what the impulses do.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ..in_python.request_numbers import body_as_fractions, contact_as_fractions
+from ..kernels import library
+from ..numbers.operations import Scalar
+from ..physics.column import Column
+from ..physics.contact import Contact
+from ..physics.laws import Law
+from ..physics.vector import Vec3
+from ..status import StatusCode
+from .cluster import ClusterParts
+from .cluster_result import ClusterResult
+from .in_kernels import NOTHING_DECIDED, Decided, resolve_in_kernels
+from .rational_cluster import RationalCluster, RationalImpulses
+from .reflections import contradiction, reflections
+from .request import SceneOptions
+
+RATIONAL_CONTACTS = 8
+"""Clusters of at most this many contacts are decided in fractions."""
+
+
+def resolve_in_fractions(cluster: RationalCluster, law: Law, threshold: Scalar) -> ClusterResult:
+    """Return the exact result of FRICTIONLESS, or of MOREAU without friction.
+
+    Raises:
+        ImpactError: CONTRADICTORY_CONTACTS, if no velocities keep all contacts from approaching.
+    """
+    impulses = _without_friction(cluster, law, threshold)
+    effect = cluster.effect_of(impulses.normal)
+    code = StatusCode.INTERNAL_ERROR if effect.is_unphysical else StatusCode.OK
+    return ClusterResult(code, effect, *impulses[1:])
+
+
+def decide(
+    cluster: library.Cluster, parts: ClusterParts, options: SceneOptions, *, has_friction: bool
+) -> ClusterResult:
+    """Return the result for a cluster that the kernels leave undecided.
+
+    Raises:
+        ImpactError: CONTRADICTORY_CONTACTS, if no velocities keep all contacts from approaching.
+    """
+    law, is_small = options.law, len(parts.contacts) <= RATIONAL_CONTACTS
+    if cluster.is_locked:
+        _check_for_contradiction(cluster, parts)
+    if cluster.approach_is_uncertain and not (cluster.is_locked and is_small):
+        approaches = _has_approach(parts)
+        if not approaches or has_friction or law is Law.ROUTH_STRONGE or not is_small:
+            nothing = Decided([0.0] * len(parts.contacts), error=math.inf if approaches else 0.0)
+            return resolve_in_kernels(cluster, parts, options, Law.FRICTIONLESS, nothing)
+    if law is Law.ROUTH_STRONGE or not is_small:
+        return resolve_in_kernels(cluster, parts, options, law, NOTHING_DECIDED)
+    exact = _in_fractions(parts)
+    if not has_friction:
+        return _resolve_decided(cluster, parts, options, law, exact)
+    if law is not Law.MOREAU:
+        return _resolve_decided(cluster, parts, options, Law.COULOMB, exact)
+    if exact.can_rebound():
+        result = resolve_in_kernels(cluster, parts, options, law, NOTHING_DECIDED)
+        if not result.fell_back:
+            return result
+    return _resolve_decided(cluster, parts, options, Law.COULOMB, exact)._replace(fell_back=True)
+
+
+def _resolve_decided(
+    cluster: library.Cluster, parts: ClusterParts, options: SceneOptions, law: Law, exact: RationalCluster
+) -> ClusterResult:
+    """Return the result in the kernels from the impulses without friction in fractions."""
+    impulses = _without_friction(exact, law, options.threshold)
+    decided = Decided(
+        list(map(float, exact.least_norm(impulses.normal))),
+        margin=float(impulses.margin),
+        restitution=-1.0 if impulses.restitution is None else float(impulses.restitution),
+        no_rebound=impulses.no_rebound,
+    )
+    result = resolve_in_kernels(cluster, parts, options, law, decided)
+    return result._replace(fell_back=impulses.fell_back)
+
+
+def _without_friction(cluster: RationalCluster, law: Law, threshold: Scalar) -> RationalImpulses:
+    """Return the impulses of MOREAU if it has a sound answer, else those of FRICTIONLESS."""
+    if law is Law.MOREAU:
+        normal = cluster.moreau()
+        if normal is not None and not cluster.creates_energy(normal):
+            return RationalImpulses(normal)
+    return reflections(cluster, threshold)._replace(fell_back=law is Law.MOREAU)
+
+
+def _check_for_contradiction(cluster: library.Cluster, parts: ClusterParts) -> None:
+    """Check a locked cluster, as far as it, or what seems to contradict in it, is small enough.
+
+    Raises:
+        ImpactError: CONTRADICTORY_CONTACTS, if no velocities keep all contacts from approaching.
+    """
+    is_small = len(parts.contacts) <= RATIONAL_CONTACTS
+    suspects = range(len(parts.contacts)) if is_small else cluster.contradictory_contacts()
+    if 0 < len(suspects) <= RATIONAL_CONTACTS:
+        exact = _in_fractions(parts.select(suspects))
+        if exact.project(exact.no_impulses()) is None:
+            raise contradiction()
+
+
+def _has_approach(parts: ClusterParts) -> bool:
+    """Whether a contact approaches, decided in fractions."""
+    bodies = list(map(body_as_fractions, parts.bodies))
+    for (a, b), given in zip(parts.pairs, parts.contacts, strict=True):
+        contact = contact_as_fractions(given)
+        u_a, u_b = (Column.of(bodies[k], contact.position, contact.normal).velocity for k in (a, b))
+        if u_a < u_b:
+            return True
+    return False
+
+
+def _in_fractions(parts: ClusterParts) -> RationalCluster:
+    bodies = list(map(body_as_fractions, parts.bodies))
+    contacts = [contact_as_fractions(_with_scaled_normal(c)) for c in parts.contacts]
+    return RationalCluster(bodies, parts.pairs, contacts, parts.counts)
+
+
+def _with_scaled_normal(contact: Contact) -> Contact:
+    """Return the contact with a very long or very short normal scaled by a power of two.
+
+    ``exponent_of`` of ``kernels/scene/assembled.hpp`` does the same. Impulses are multiples of the normal, so
+    both kinds of cluster must use the same normals.
+    """
+    _, exponent = math.frexp(max(map(abs, contact.normal)))
+    if abs(exponent) <= 100:
+        return contact
+    return contact._replace(normal=Vec3(*(math.ldexp(x, -exponent) for x in contact.normal)))
