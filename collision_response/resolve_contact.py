@@ -11,7 +11,7 @@ inertia there.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 from .answer import format_columns, format_number, format_vector
@@ -84,9 +84,9 @@ class ContactImpact(NamedTuple):
 
 
 def resolve_contact(
-    K: Sequence[Sequence[float]],
-    u: Sequence[float],
-    n: Sequence[float],
+    K: Iterable[Iterable[float]],
+    u: Iterable[float],
+    n: Iterable[float],
     restitution: float | Callable[[float], float] = 1.0,
     friction: float | Callable[[float], float] = 0.0,
     model: ImpactModel = DEFAULT,

@@ -13,7 +13,7 @@ friction used, the slip after the impact, the slip before it and the approach ch
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -74,7 +74,7 @@ def propagate_covariance(
     restitution_sd: float = 0.0,
     friction_sd: float = 0.0,
     normal_sd: float = 0.0,
-    gravity: Sequence[float] = STANDARD_GRAVITY,
+    gravity: Iterable[float] = STANDARD_GRAVITY,
 ) -> CovarianceAfter:
     """Return the covariance of the state after an impact, at the time of the impact of the mean state.
 

@@ -22,7 +22,7 @@ Proc. IEEE 112 (2024).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -78,7 +78,7 @@ def saltation_matrix(
     contact: Contact,
     model: ImpactModel = DEFAULT,
     surfaces: Surfaces | SurfaceMotion | None = None,
-    gravity: Sequence[float] = STANDARD_GRAVITY,
+    gravity: Iterable[float] = STANDARD_GRAVITY,
 ) -> Array:
     """Return the matrix that maps changes of the state before an impact to changes after it, at one time.
 
@@ -110,10 +110,11 @@ def linearise(
     contact: Contact,
     model: ImpactModel,
     surfaces: Surfaces | SurfaceMotion | None,
-    gravity: Sequence[float],
+    gravity: Iterable[float],
 ) -> LinearisedImpact:
     """Linearise an impact about the given state. Arguments and errors are as for :func:`saltation_matrix`."""
-    for acceleration in as_vector("gravity", gravity):
+    gravity = as_vector("gravity", gravity)
+    for acceleration in gravity:
         check_number("gravity", acceleration, -math.inf, math.inf, StatusCode.NOT_FINITE)
     resolve(body_a, body_b, contact, model)  # refuses invalid input before `surfaces` is called with it
     check_coefficients(contact)
@@ -203,7 +204,7 @@ def _surface_motion(
     return motion
 
 
-def _free_flight_rate(body: Body, gravity: Sequence[float]) -> Array:
+def _free_flight_rate(body: Body, gravity: Vec3) -> Array:
     """Rate of the state of a body in free flight, shape ``(12,)``."""
     v, w = np.array(body.velocity), np.array(body.angular_velocity)
     if not body.is_movable():

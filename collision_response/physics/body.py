@@ -7,7 +7,7 @@ treat it like any other body.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 
 from ..numbers.operations import (
@@ -51,10 +51,10 @@ class Twist(NamedTuple):
 class Placement(TypedDict, total=False):
     """Keyword arguments that say where a body is and how it moves: see :meth:`Body.dynamic`."""
 
-    position: Sequence[Scalar]
-    orientation: Sequence[Scalar] | None
-    velocity: Sequence[Scalar]
-    angular_velocity: Sequence[Scalar]
+    position: Iterable[Scalar]
+    orientation: Iterable[Scalar] | None
+    velocity: Iterable[Scalar]
+    angular_velocity: Iterable[Scalar]
 
 
 class Body(NamedTuple):
@@ -100,12 +100,12 @@ class Body(NamedTuple):
     def dynamic(
         cls,
         mass: Scalar,
-        inertia: Sequence[Scalar] = ZERO_TENSOR,
-        position: Sequence[Scalar] = ZERO,
-        orientation: Sequence[Scalar] | None = None,
-        velocity: Sequence[Scalar] = ZERO,
-        angular_velocity: Sequence[Scalar] = ZERO,
-        com: Sequence[Scalar] = ZERO,
+        inertia: Iterable[Any] = ZERO_TENSOR,
+        position: Iterable[Scalar] = ZERO,
+        orientation: Iterable[Scalar] | None = None,
+        velocity: Iterable[Scalar] = ZERO,
+        angular_velocity: Iterable[Scalar] = ZERO,
+        com: Iterable[Scalar] = ZERO,
     ) -> Body:
         """Build a body that impulses move.
 
@@ -164,7 +164,7 @@ class Body(NamedTuple):
         return cls.of(solids.hollow_sphere(mass, radius), **placement)
 
     @classmethod
-    def box(cls, mass: Scalar, size: Sequence[Scalar], **placement: Unpack[Placement]) -> Body:
+    def box(cls, mass: Scalar, size: Iterable[Scalar], **placement: Unpack[Placement]) -> Body:
         """A solid box with edges ``size = (x, y, z)`` [m] along the body's axes."""
         return cls.of(solids.box(mass, size), **placement)
 
@@ -202,9 +202,9 @@ class Body(NamedTuple):
     @classmethod
     def kinematic(
         cls,
-        position: Sequence[Scalar] = ZERO,
-        velocity: Sequence[Scalar] = ZERO,
-        angular_velocity: Sequence[Scalar] = ZERO,
+        position: Iterable[Scalar] = ZERO,
+        velocity: Iterable[Scalar] = ZERO,
+        angular_velocity: Iterable[Scalar] = ZERO,
     ) -> Body:
         """Build a body whose motion is prescribed: it strikes others, and no impulse changes its twist.
 
@@ -227,9 +227,9 @@ class Body(NamedTuple):
     def articulated(
         cls,
         inverse_inertia: Iterable[Any],
-        position: Sequence[Scalar] = ZERO,
-        velocity: Sequence[Scalar] = ZERO,
-        angular_velocity: Sequence[Scalar] = ZERO,
+        position: Iterable[Scalar] = ZERO,
+        velocity: Iterable[Scalar] = ZERO,
+        angular_velocity: Iterable[Scalar] = ZERO,
     ) -> Body:
         """Build a link of a mechanism, such as a robot arm. Its inverse inertia says how an impulse moves it.
 
@@ -262,7 +262,7 @@ class Body(NamedTuple):
         return moving._replace(inverse_inertia=InverseInertia.of(inverse_inertia))
 
     @classmethod
-    def static(cls, position: Sequence[Scalar] = ZERO) -> Body:
+    def static(cls, position: Iterable[Scalar] = ZERO) -> Body:
         """Build a body that stays at rest, such as the ground; ``position`` in world axes [m]."""
         return cls.kinematic(position)
 
@@ -327,7 +327,7 @@ class Body(NamedTuple):
         return inverse.has_factors, choose(inverse.has_factors, lambda: spin, about_axes_with_inertia)
 
 
-def _quaternion(values: Sequence[Scalar]) -> Quaternion:
+def _quaternion(values: Iterable[Scalar]) -> Quaternion:
     try:
         return Quaternion(*values)
     except TypeError:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from ..numbers.operations import Scalar
@@ -37,8 +37,8 @@ class Contact(NamedTuple):
     @classmethod
     def of(
         cls,
-        position: Sequence[Scalar],
-        normal: Sequence[Scalar],
+        position: Iterable[Scalar],
+        normal: Iterable[Scalar],
         restitution: Scalar = 1.0,
         friction: Scalar = 0.0,
         tangential_restitution: Scalar | None = None,

@@ -11,7 +11,7 @@ The functions here refuse constants as those of :mod:`~collision_response.physic
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from functools import partial
 
 from ..status import POSITIVE
@@ -39,7 +39,7 @@ def _stribeck(static: float, kinetic: float, speed: float, v: float) -> float:
     return kinetic + (static - kinetic) * math.exp(-v / speed)
 
 
-def tabulated(speeds: Sequence[float], values: Sequence[float]) -> Friction:
+def tabulated(speeds: Iterable[float], values: Iterable[float]) -> Friction:
     """Measured coefficients, interpolated linearly; beyond the first and last speed the value stays constant.
 
     Args:

@@ -11,7 +11,7 @@ number, and ``ImpactError`` if they are integers and the inertia is beyond the r
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from functools import wraps
 from typing import Any, NamedTuple, ParamSpec
 
@@ -45,20 +45,23 @@ class Particle(NamedTuple):
     position: Vec3
 
 
-def of_particles(particles: Iterable[Particle]) -> MassProperties:
+def of_particles(particles: Iterable[tuple[Scalar, Iterable[Scalar]]]) -> MassProperties:
     """Mass properties of a set of particles: exact if their masses and positions are fractions.
+
+    Args:
+        particles: a :class:`Particle`, or a tuple of a mass [kg] and a position [m], for each.
 
     Raises:
         ValueError: if the sum of the masses is not positive, or there is no particle.
         TypeError: if ``particles`` does not hold a mass and a position each, made of real numbers.
     """
-    particles = [_particle(f"particles[{i}]", one) for i, one in enumerate(as_list("particles", particles))]
-    mass = sum(p.mass for p in particles)
+    checked = [_particle(f"particles[{i}]", one) for i, one in enumerate(as_list("particles", particles))]
+    mass = sum(p.mass for p in checked)
     if not mass > 0:
         raise ValueError(f"the particles' masses must add up to more than 0, not {mass}")
-    com = sum((p.position * p.mass for p in particles[1:]), particles[0].position * particles[0].mass) / mass
+    com = sum((p.position * p.mass for p in checked[1:]), checked[0].position * checked[0].mass) / mass
     inertia = ZERO_TENSOR
-    for m, position in particles:
+    for m, position in checked:
         x, y, z = position - com
         inertia += Symmetric3(
             m * (y * y + z * z), -m * x * y, -m * x * z, m * (x * x + z * z), -m * y * z, m * (x * x + y * y)
@@ -107,7 +110,7 @@ def hollow_sphere(mass: Scalar, radius: Scalar) -> MassProperties:
 
 
 @_within_float64
-def box(mass: Scalar, size: Sequence[Scalar]) -> MassProperties:
+def box(mass: Scalar, size: Iterable[Scalar]) -> MassProperties:
     """A solid box with edges ``size = (x, y, z)`` [m] along the axes."""
     sizes = {f"size.{axis}": edge for axis, edge in as_vector("size", size)._asdict().items()}
     mass, *edges = _checked(mass=mass, **sizes)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import sys
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -128,7 +128,7 @@ def johnson(yield_speed: float) -> Restitution:
     return partial(_power_law, at_yield_speed, constant("yield_speed", yield_speed, POSITIVE), 0.25)
 
 
-def tabulated(speeds: Sequence[float], values: Sequence[float]) -> Restitution:
+def tabulated(speeds: Iterable[float], values: Iterable[float]) -> Restitution:
     """Measured values, interpolated linearly; beyond the first and last speed the value stays constant.
 
     Args:
@@ -138,7 +138,7 @@ def tabulated(speeds: Sequence[float], values: Sequence[float]) -> Restitution:
     return interpolation(speeds, values, 1)
 
 
-def interpolation(speeds: Sequence[float], values: Sequence[float], most: float) -> Restitution:
+def interpolation(speeds: Iterable[float], values: Iterable[float], most: float) -> Restitution:
     """As :func:`tabulated`, with values in [0, ``most``]."""
     v, y = (
         tuple(constant(f"{name}[{i}]", x, 0, limit) for i, x in enumerate(as_list(name, given)))

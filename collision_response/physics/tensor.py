@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, TypeVar
 
 from ..numbers.operations import Condition, Scalar, certain, choose, maximum, square_root
+from ..status import format_value
 from .vector import AXES, Vec3
 
 T = TypeVar("T")
@@ -42,12 +43,14 @@ class Symmetric3(NamedTuple):
         if len(values) == 6:
             return cls(*values)
         if len(values) != 3 or [len(row) if hasattr(row, "__len__") else 0 for row in values] != [3, 3, 3]:
-            raise ValueError(f"must be (xx, xy, xz, yy, yz, zz) or three rows of three, is {values}")
+            raise ValueError(
+                f"must be (xx, xy, xz, yy, yz, zz) or three rows of three, is {format_value(values)}"
+            )
         allowed = ASYMMETRY * max(abs(x) for row in values for x in row)
 
         def mean(i: int, j: int) -> Scalar:
             if abs(values[i][j] - values[j][i]) > allowed:
-                raise ValueError(f"must be symmetric, is {values}")
+                raise ValueError(f"must be symmetric, is {format_value(values)}")
             return values[i][j] + (values[j][i] - values[i][j]) / 2  # a sum may overflow
 
         return cls(values[0][0], mean(0, 1), mean(0, 2), values[1][1], mean(1, 2), values[2][2])

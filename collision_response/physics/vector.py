@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from ..numbers.operations import Scalar, square_root
@@ -72,7 +72,7 @@ class Vec3(NamedTuple):
         return square_root(square)
 
 
-def as_vector(field: str, values: Sequence[Scalar]) -> Vec3:
+def as_vector(field: str, values: Iterable[Scalar]) -> Vec3:
     """Return ``Vec3(*values)``.
 
     Raises:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -43,7 +43,7 @@ def resolve_scene(
     model: ImpactModel = DEFAULT,
     *,
     threshold: Scalar = THRESHOLD,
-    stiffness: Sequence[float] | None = None,
+    stiffness: Iterable[float] | None = None,
     exponent: float = 1.5,
     orders: int = 0,
 ) -> SceneImpact:
