@@ -52,8 +52,8 @@ class Impact(NamedTuple):
         kinetic_energy_before, kinetic_energy_after: kinetic energy of the dynamic bodies [J]. Of an
             articulated body only the change is known: it counts as 0 before the impact, and as the change
             after it.
-        energy_lost_restitution, energy_lost_friction: work done against the normal impulse and against the
-            tangential impulse [J].
+        energy_lost_restitution, energy_lost_friction: energy lost to the normal and to the tangential impulse
+            [J]. Only their sum is measurable; how it is divided depends on the law.
         regime: what friction did, see :class:`Regime`.
         error_bound: upper bound on the relative error of the impulse, and of the twist change ``(dv, dw)`` of
             each body in the norm ``(m dv.dv + tr(I)/3 dw.dw)^(1/2)``. It includes rounding and what the

@@ -36,6 +36,14 @@ def real_number(field: str, value: Any) -> Any:
     return number
 
 
+def is_finite(number: Any) -> bool:
+    """Whether a real number is finite, and within the range of float64."""
+    try:
+        return math.isfinite(number)
+    except OverflowError:  # an integer or a fraction
+        return False
+
+
 def check_number(
     field: str,
     value: Any,
@@ -58,11 +66,7 @@ def check_number(
         TypeError: if ``value`` is not a real number: a boolean, a complex number, text or an array.
     """
     number = real_number(field, value)
-    try:
-        finite = math.isfinite(number)
-    except OverflowError:  # an integer beyond float64
-        finite = False
-    if not finite:
+    if not is_finite(number):
         raise ImpactError(not_finite, field, f"must be finite; is {format_value(number, str)}")
     try:
         is_in_range = least <= number <= most

@@ -37,8 +37,7 @@ class ContactImpact(NamedTuple):
         tangential_impulse: length of the rest of the impulse [N s].
         energy_change: change of the kinetic energy of the whole system, ``P.(u + u_after) / 2``; <= 0 except
             for rounding [J].
-        energy_lost_restitution, energy_lost_friction: work done against the normal impulse and against the
-            tangential impulse [J].
+        energy_lost_restitution, energy_lost_friction: as in :class:`Impact` [J].
         regime: what friction did, see :class:`Regime`.
         error_bound: upper bound on the relative errors of the impulse and of the velocity change, in the
             Euclidean norm. It includes rounding, also that of inputs that are not floats. If friction is

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from refusals import refused
 
-from collision_response import Body, Contact, StatusCode, resolve_scene
-from collision_response.batch import resolve_batch, resolve_scenes
+from collision_response import Body, Contact, Geometry, Law, StatusCode, resolve_contact, resolve_scene
+from collision_response.batch import body_rows, contact_rows, resolve_batch, resolve_scenes
+from collision_response.derivatives import unit_directions
 from collision_response.physics import friction, mass_properties
 from collision_response.physics.combine import CombineRule, combine
 from collision_response.physics.restitution import johnson, plastic, power_law, tabulated, viscoelastic
@@ -213,3 +214,32 @@ def test_a_number_of_repetitions_must_be_whole_and_in_its_range(count):
             COUNTS[count](value)
     for value in (1, 2, np.int8(2), np.uint64(3), np.array(2), *([10**400] if name == "workers" else [0])):
         COUNTS[count](value)
+
+
+@pytest.mark.parametrize("value", NO_NUMBERS[:-1], ids=repr)
+def test_a_matrix_must_hold_real_numbers(value):
+    """Whatever the entry: dates count as integers for NumPy."""
+    for i, j in product(range(3), repeat=2):
+        matrix = np.eye(6).tolist()
+        matrix[i][j] = value
+        with pytest.raises((TypeError, ValueError), match=r"^inverse_inertia: must be "):
+            Body.articulated(matrix)
+        with pytest.raises((TypeError, ValueError), match=r"^K: must be "):
+            resolve_contact([row[:3] for row in matrix[:3]], (0, 0, -1), (0, 0, 1))
+
+
+@pytest.mark.parametrize("rows", [body_rows, contact_rows])
+def test_rows_are_those_of_a_geometry(rows):
+    for wrong in (Geometry.AUTO, Law.COULOMB, "SPATIAL", 4, None, True, np.ones(2)):
+        with pytest.raises(ValueError, match=r"^geometry: must be POINT, PLANAR or SPATIAL, is "):
+            rows(wrong)
+    for geometry in (Geometry.POINT, Geometry.PLANAR):
+        with pytest.raises(ValueError, match=r"^oriented: must be False for the geometry "):
+            body_rows(geometry, oriented=True)
+
+
+@pytest.mark.parametrize("wrong", [None, 1, [[]], [{}], np.ones(2), [Decimal("sNaN")]], ids=repr)
+def test_what_is_no_parameter_to_differentiate_by_is_refused(wrong):
+    names = wrong if isinstance(wrong, list) else [wrong]
+    with pytest.raises((TypeError, ValueError), match=r"^with_respect_to: must be "):
+        unit_directions(*names)

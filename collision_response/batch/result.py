@@ -31,8 +31,8 @@ class BatchResult(NamedTuple):
             ``(N,)``; 0 where there is no answer. ``None`` without a report, like the energies.
         kinetic_energy_before, kinetic_energy_after: of the movable bodies of each contact [J], shape
             ``(N,)``.
-        energy_lost_restitution, energy_lost_friction: work done at each contact against the normal and
-            against the tangential impulse [J], shape ``(N,)``.
+        energy_lost_restitution, energy_lost_friction: energy lost at each contact to the normal and to the
+            tangential impulse [J], shape ``(N,)``.
     """
 
     velocity: Any

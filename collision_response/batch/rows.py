@@ -9,6 +9,7 @@ from ..kernels.layout import BodyRows as BodyRows
 from ..kernels.layout import ContactRows as ContactRows
 from ..kernels.layout import Layout as Layout
 from ..model import Geometry
+from ..status import format_value
 
 TABLE_LAYOUTS = {
     layout.bodies.height: layout
@@ -18,19 +19,29 @@ TABLE_LAYOUTS = {
 
 
 def body_rows(geometry: Geometry, *, oriented: bool = False) -> BodyRows:
-    """Return the rows of ``bodies``. Only SPATIAL bodies may be ``oriented``."""
+    """Return the rows of ``bodies`` for POINT, PLANAR or SPATIAL. Only SPATIAL bodies may be ``oriented``.
+
+    Raises:
+        ValueError: for another geometry.
+    """
     return layout_of(geometry, oriented=oriented).bodies
 
 
 def contact_rows(geometry: Geometry) -> ContactRows:
-    """Return the rows of ``contacts``."""
+    """Return the rows of ``contacts`` for POINT, PLANAR or SPATIAL. Raises: as :func:`body_rows`."""
     return layout_of(geometry).contacts
 
 
 def layout_of(geometry: Geometry, *, oriented: bool = False) -> Layout:
-    """Return the layout for a geometry. Raises: ValueError: if ``oriented``, but not SPATIAL."""
+    """Return the layout for a geometry.
+
+    Raises:
+        ValueError: if it is not POINT, PLANAR or SPATIAL; or if it is ``oriented``, but not SPATIAL.
+    """
+    if not isinstance(geometry, Geometry) or geometry is Geometry.AUTO:
+        raise ValueError(f"geometry: must be POINT, PLANAR or SPATIAL, is {format_value(geometry)}")
     if oriented and geometry is not Geometry.SPATIAL:
-        raise ValueError(f"orientation has no effect in {geometry.name}: leave it out")
+        raise ValueError(f"oriented: must be False for the geometry {geometry.name}, is {oriented!r}")
     return Layout.SPATIAL_ORIENTED if oriented else Layout[geometry.name]
 
 

@@ -152,11 +152,7 @@ def differentiate(
             derivative is beyond float64 or the path of COMPLIANT has too many steps.
         TypeError: as :func:`~collision_response.resolve`, or if ``with_respect_to`` does not hold names.
     """
-    try:
-        directions, columns = _unit_directions(tuple(with_respect_to))
-    except TypeError:  # it is not iterable, or holds lists
-        reason = f"must be names of parameters, is {format_value(with_respect_to)}"
-        raise TypeError(f"with_respect_to: {reason}") from None
+    directions, columns = _directions_and_columns(with_respect_to)
     check_coefficients(contact)
     impact = resolve(body_a, body_b, contact, model)
     if model.geometry not in (Geometry.AUTO, Geometry.SPATIAL):
@@ -198,8 +194,17 @@ def unit_directions(*with_respect_to: str) -> Array:
 
     Raises:
         ImpactError: INVALID_MODEL if a name is not in :data:`PARAMETERS` or there twice.
+        TypeError: if something is no name.
     """
-    return _unit_directions(with_respect_to)[0].copy()
+    return _directions_and_columns(with_respect_to)[0].copy()
+
+
+def _directions_and_columns(with_respect_to: Iterable[str]) -> tuple[Array, dict[str, slice]]:
+    try:
+        return _unit_directions(tuple(with_respect_to))
+    except TypeError:  # it is not iterable, or holds lists
+        reason = f"must be names of parameters, is {format_value(with_respect_to)}"
+        raise TypeError(f"with_respect_to: {reason}") from None
 
 
 def differentiate_batch(

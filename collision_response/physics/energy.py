@@ -5,8 +5,7 @@ before and after, ``u`` and ``u+``:
 
     E - E+ = -P.(u + u+) / 2
 
-The normal part of this product is the energy lost to restitution, the tangential part the energy lost to
-friction. Each law computes the two losses in the form with the least rounding.
+Each law divides this loss into one to restitution and one to friction: see ``docs/impact-laws.md``.
 """
 
 from __future__ import annotations

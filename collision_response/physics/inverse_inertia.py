@@ -21,8 +21,9 @@ from collections.abc import Iterable
 from functools import reduce
 from typing import Any, NamedTuple
 
-from ..numbers.operations import Condition, Scalar, all_of, choose, maximum, negation, of_python, square_root
-from ..status import ImpactError, StatusCode
+from ..arguments import is_finite, real_number
+from ..numbers.operations import Condition, Scalar, all_of, choose, maximum, negation, square_root
+from ..status import ImpactError, StatusCode, format_value
 from .tensor import Symmetric3
 from .vector import Vec3
 
@@ -79,7 +80,7 @@ class InverseInertia(NamedTuple):
         numbers = _flat(matrix)
         if len(numbers) != 36:
             raise _error(StatusCode.INVALID_INERTIA, f"must be 6 x 6 numbers, are {len(numbers)}")
-        if not all(map(_is_finite, numbers)):
+        if not all(map(is_finite, numbers)):
             raise _error(StatusCode.NOT_FINITE, "must be finite")
         rows = [numbers[i : i + 6] for i in range(0, 36, 6)]
         for i in range(6):
@@ -158,20 +159,11 @@ def _positive(x: Scalar) -> Scalar:
 
 def _flat(matrix: Iterable[Any]) -> list[Any]:
     """The numbers of a matrix given by rows, or by one flat sequence."""
-    if not isinstance(matrix, Iterable):
-        raise TypeError(f"inverse_inertia: must be 6 x 6 numbers, is {matrix!r}")
-    return [of_python(x) for row in matrix for x in (row if isinstance(row, Iterable) else (row,))]
-
-
-def _is_finite(x: Any) -> bool:
     try:
-        if not isinstance(x, bool):
-            return math.isfinite(x)
-    except OverflowError:  # an integer or a fraction beyond the range of floats
-        return False
-    except (TypeError, ValueError):  # ValueError: a decimal that signals
-        pass
-    raise TypeError(f"inverse_inertia: must be real numbers, one is {x!r}")
+        entries = [x for row in matrix for x in (row if isinstance(row, Iterable) else (row,))]
+    except TypeError:
+        raise TypeError(f"inverse_inertia: must be 6 x 6 numbers, is {format_value(matrix)}") from None
+    return [real_number("inverse_inertia", x) for x in entries]
 
 
 def _error(code: StatusCode, reason: str) -> ImpactError:
