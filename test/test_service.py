@@ -275,6 +275,18 @@ def test_a_default_constructed_request_is_refused(shared_node):
     assert answer.result.status.code == StatusCode.INVALID_MASS
 
 
+def test_a_second_node_of_the_same_name_is_warned_about(graph):
+    logged = graph.log()
+    graph.serve()
+    assert graph.call(balls_meet()).success
+    names = graph.service, f"{graph.service}_batch", graph.service.removesuffix("collision") + "scene"
+    warnings = [f"another node serves {name}, too, or was killed a moment ago: " for name in names]
+    assert not any("another node" in text for text in logged)
+    graph.serve()
+    wait_until(lambda: all(sum(text.startswith(one) for text in logged) == 2 for one in warnings))
+    assert sum("another node" in text for text in logged) == 2 * len(names), "each node warns once"
+
+
 def test_an_internal_error_is_answered(shared_node, monkeypatch):
     def fail(*_):
         raise RuntimeError("a bolt is loose")

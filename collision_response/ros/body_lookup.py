@@ -68,7 +68,9 @@ class StateFinder:
         self._max_age, self._max_wait = parameters.max_state_age, parameters.max_state_wait
         self._frame_field, self._frame = f"{field}.frame_id", header.frame_id
         if parameters.world_frame and self._frame != parameters.world_frame:
-            reason = f"is {quoted(self._frame)}, but the parameter world_frame is {parameters.world_frame!r}"
+            reason = (
+                f"is {quoted(self._frame)}, but the parameter world_frame is {quoted(parameters.world_frame)}"
+            )
             raise ImpactError(StatusCode.FRAME_MISMATCH, self._frame_field, reason)
 
     def wait(self, look_up: Callable[[], LookUp[Found]]) -> Generator[float | None, None, Found]:

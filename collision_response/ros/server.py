@@ -115,7 +115,7 @@ class Server:
         after_sending: Callable[[], None],
         introspection: ServiceIntrospectionState,
     ) -> None:
-        self._context = node.context
+        self._node = node
         self._log = node.get_logger()
         self._counters = counters
         self._parameters = parameters
@@ -124,6 +124,7 @@ class Server:
         self._unconfirmed: Counter[bytes] = Counter()
         self._clients: list[ConnectedClients] = []
         self._waitables: list[TakeAllWaitable] = []
+        self._names: set[str] = set()
         self._more = node.create_guard_condition(self._serve)
         self._overdue_timer = create_steady_timer(node, WAIT_CHECK_INTERVAL, self._serve_overdue)
         self._overdue_timer.cancel()
@@ -141,6 +142,7 @@ class Server:
                 service.configure_introspection(node.get_clock(), qos_profile_system_default, introspection)
             endpoint = Endpoint(node_service, service, ConnectedClients(node, service.service_name))
             receive = partial(self._receive, endpoint)
+            self._names.add(service.service_name)
             self._clients.append(endpoint.clients)
             self._waitables.append(
                 TakeAllWaitable(node, service, receive, self._serve, self._count_unreadable)
@@ -277,7 +279,7 @@ class Server:
         except InvalidHandle:  # of a node that another thread destroys meanwhile
             raise
         except Exception:  # the answer is sent, so there is nobody else to tell
-            if self._context.ok():
+            if self._node.context.ok():
                 self._log.error(traceback.format_exc(), throttle_duration_sec=WARNING_INTERVAL)
 
     def _note_sent(self, call: Call, status: StatusCode) -> None:
@@ -290,7 +292,16 @@ class Server:
 
     def _upkeep(self) -> None:
         self._forget_departed()
+        self._warn_of_other_servers()
         self._work_after_sending()
+
+    def _warn_of_other_servers(self) -> None:
+        """Warn once about each service that another node serves, too."""
+        for name in [name for name in self._names if self._node.count_services(name) > 1]:
+            self._names.remove(name)
+            self._log.warning(
+                f"another node serves {name}, too, or was killed a moment ago: clients take the first answer"
+            )
 
     def _forget_departed(self) -> None:
         for clients in self._clients:
