@@ -23,6 +23,8 @@ using BatchKernel = void (*)(const Batch& batch, long from, long to);
 // How many columns ahead the rows are fetched: there are more rows than a processor fetches ahead by itself.
 constexpr long AHEAD = 16;
 
+constexpr int CACHE_LINE = 64;  // bytes
+
 #define UNROLLED _Pragma("GCC unroll 64")
 
 template <class T> INLINE T load(const Lane<T>* from) {
@@ -125,14 +127,18 @@ static __attribute__((noinline)) void compute_lanes(const Batch& batch, long at)
   }
 }
 
-// Compute the columns from `from` to `to`. Columns left over at the end are computed together with some before them. If
-// there are fewer columns than lanes, they are copied and padded with the first.
+// Compute the columns from `from` to `to`. After the first lanes, results fill whole cache lines, if their rows begin at
+// the same place in one: lines written in part take twice the time. Columns left over at either end are computed
+// together with some next to them. If there are fewer columns than lanes, they are copied and padded with the first.
 template <class N, int layout, auto impact, auto validity, auto clearly_valid>
 INLINE void compute_columns(const Batch& batch, long from, long to) {
   using T = Base<N>;
   constexpr long width = lanes<T>;
   if (to - from >= width) {
-    for (long at = from; at < to; at += width)
+    compute_lanes<N, layout, impact, validity, clearly_valid>(batch, from);
+    const auto first = reinterpret_cast<std::uintptr_t>(static_cast<const Lane<T>*>(batch.velocity[0][0]) + from);
+    const long done = width - static_cast<long>(first / sizeof(Lane<T>)) % width;
+    for (long at = from + done; at < to; at += width)
       compute_lanes<N, layout, impact, validity, clearly_valid>(batch, at + width <= to ? at : to - width);
     return;
   }

@@ -30,8 +30,11 @@ Batch from_column(const Batch& batch, int body_rows, long at, int size) {
 template <class T>
 void compute_gathered(BatchKernel kernel, const Batch& batch, int body_rows, const ContactPairs& pairs, const T* table,
                       int rows, T* gathered, long from, long to) {
-  for (long at = from; at < to; at += GATHER_BLOCK) {
-    long count = std::min<long>(GATHER_BLOCK, to - at);
+  // The first block is shorter, so that the results of the others begin where a cache line does.
+  const auto first = reinterpret_cast<std::uintptr_t>(static_cast<T*>(batch.velocity[0][0]) + from);
+  long count = GATHER_BLOCK - static_cast<long>(first % CACHE_LINE / sizeof(T));
+  for (long at = from; at < to; at += count, count = GATHER_BLOCK) {
+    count = std::min(count, to - at);
     bool any_fault = pairs.gather(table, rows, at, count, gathered);
     kernel(from_column(batch, body_rows, at, sizeof(T)), 0, count);
     for (long k = at; any_fault && k < at + count; ++k)
@@ -173,7 +176,7 @@ PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
   BatchKernel kernel = special ? special : find_batch_kernel(law, LAYOUT_EVERYTHING, number_type);
   if (!kernel) return PyErr_Format(PyExc_LookupError, "no kernel of law %d for numbers of kind %d", law, number_type);
 
-  double gathered[2 * ROWS_OF_BODY * GATHER_BLOCK];  // the bodies of some contacts
+  alignas(CACHE_LINE) double gathered[2 * ROWS_OF_BODY * GATHER_BLOCK];  // the bodies of some contacts
   const Batch batch = arrays.make_batch(table, general, gathered);
   int body_rows = 2 * (general ? ROWS_OF_BODY : table.body_rows), greatest_status = 0;
   double greatest_bound = 0;
