@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import sys
+from threading import Lock, Thread
 
 import pytest
 from scene_cases import Scene, any_scene, box, row_of_balls
@@ -188,3 +190,30 @@ def test_invalid_values_are_refused_by_name(law, field, value):
         return  # it is not looked at
     with pytest.raises(ImpactError, match=rf"contacts\[3\].{field}"):
         scene._replace(contacts=contacts).resolve(law)
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+def test_a_large_cluster_leaves_other_threads_running(law):
+    """Python's own interval for switching threads is made so long that only the library lets others run."""
+    scene, gate, has_run = row_of_balls([1.0] + [0.0] * 39, e=0.9, number=float), Lock(), []
+
+    def wait_and_run() -> None:
+        with gate:
+            has_run.append(True)
+
+    gate.acquire()
+    other = Thread(target=wait_and_run)
+    other.start()
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1000)
+    try:
+        gate.release()
+        assert not has_run
+        for _ in range(1000):  # the other thread may need time to wake up
+            scene.resolve(law)
+            if has_run:
+                break
+        assert has_run
+    finally:
+        sys.setswitchinterval(interval)
+        other.join()
