@@ -315,6 +315,29 @@ def test_out_is_written_to(order):
     assert_same(out, result)
 
 
+def shifted(array: np.ndarray, offset: int) -> np.ndarray:
+    """An array of this shape and type that begins some elements after the start of a cache line, filled."""
+    memory = np.zeros(array.nbytes + 128, np.uint8)
+    start = -memory.ctypes.data % 64 + offset * array.itemsize
+    found = memory[start : start + array.nbytes].view(array.dtype).reshape(array.shape)
+    found.fill(9)
+    return found
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("n", [1, 3, 7, 8, 9, 16, 17, 33, 119, 121, 127, 240, N])
+def test_results_may_begin_anywhere_in_a_cache_line(n, dtype):
+    """The kernels write whole lines, and the columns before and after them with columns next to them."""
+    bodies, contacts = (array[..., :n].astype(dtype) for array in shared_batch(Geometry.SPATIAL))
+    table, pairs = bodies.reshape(len(bodies), -1), np.arange(2 * n).reshape(2, n)
+    expected = resolve_batch(bodies, contacts)
+    for offset in range(64 // expected.velocity.itemsize):
+        out = map_arrays(lambda array, offset=offset: shifted(array, offset), expected)
+        assert_same(resolve_batch(bodies, contacts, out=out), expected)
+        out = map_arrays(lambda array, offset=offset: shifted(array, offset), expected)
+        assert_same(resolve_batch(table, contacts, pairs=pairs, out=out), expected)
+
+
 def test_any_memory_layout_is_read_and_not_changed():
     bodies, contacts = shared_batch(Geometry.PLANAR)
     expected = resolve_batch(bodies, contacts)
