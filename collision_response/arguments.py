@@ -12,10 +12,11 @@ from .status import ImpactError, StatusCode, format_range, format_value
 
 def is_real(value: Any) -> bool:
     """Whether a value is a real number of any type, or an array of them; truth values and dates are not."""
-    if isinstance(value, (bool, complex, str)) or type(value).__name__.startswith("Masked"):
+    number = of_python(value)
+    if isinstance(number, (bool, complex, str)) or type(number).__name__.startswith("Masked"):
         return False
     kind = getattr(getattr(value, "dtype", None), "kind", "f")
-    return hasattr(value, "__float__") and kind not in "bcmMSU"
+    return (hasattr(number, "__float__") or hasattr(number, "__index__")) and kind not in "bcmMSU"
 
 
 def real_number(field: str, value: Any) -> Any:
@@ -26,7 +27,7 @@ def real_number(field: str, value: Any) -> Any:
     """
     number = of_python(value)
     try:
-        if not (is_real(value) and is_real(number)) or getattr(number, "shape", None):
+        if not is_real(value) or getattr(number, "shape", None):
             raise TypeError
         float(number)
     except OverflowError:  # an integer or a fraction beyond float64

@@ -858,6 +858,7 @@ def kinds_of_number() -> Iterator[FieldValue]:
         True, np.True_, np.array(True), 0.5 + 0j, np.complex64(0.5), np.array(0.5j), None, object(),
         "0.5", np.str_("0.5"), b"1", np.bytes_(b"1"), np.void(b"1"), Decimal("sNaN"), 10**400,
         np.timedelta64(1, "s"), np.datetime64("2000"), [0.5], np.array([0.5, 0.25]), np.array([0.5]),
+        np.array(True, object), np.array("1", object), np.array(None, object), np.array(1j, object),
     )  # fmt: skip
     for field in FIELDS:
         for i, value in enumerate((*numbers, *others)):

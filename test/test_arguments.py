@@ -47,6 +47,8 @@ NO_NUMBERS = [
     1j,
     np.complex64(1),
     np.array(1j),
+    np.array(True, object),
+    np.array("1", object),
     {},
     object,
     np.ma.masked,

@@ -26,9 +26,10 @@ static __attribute__((noinline, cold)) bool set_type_error(const std::string& te
   return false;
 }
 
-// Whether an object is a truth value, or something of NumPy that is not one real number: an array, a date, bytes.
-static bool is_no_number(PyObject* o) {
-  if (PyBool_Check(o)) return true;
+// Whether an object is a truth value, a complex number or text, or something of NumPy that is not one real number: an
+// array, a date, bytes. An array without axes that holds an object is what that object is.
+static bool is_no_number(PyObject* o, bool is_held = false) {
+  if (PyBool_Check(o) || PyComplex_Check(o) || PyUnicode_Check(o)) return true;
   if (!PyObject_CheckBuffer(o)) return false;
   Py_buffer view;
   if (PyObject_GetBuffer(o, &view, PyBUF_FULL_RO) != 0) {
@@ -38,7 +39,12 @@ static bool is_no_number(PyObject* o) {
   const std::string format = view.format ? view.format : "";
   const bool is_number = view.ndim == 0 && format.find_first_of("?Zswx") == std::string::npos;
   PyBuffer_Release(&view);
-  return !is_number;
+  if (!is_number || format != "O") return !is_number;
+  PyObject* held = is_held ? nullptr : PyObject_CallMethod(o, "item", nullptr);
+  const bool holds_no_number = !held || is_no_number(held, true);
+  PyErr_Clear();
+  Py_XDECREF(held);
+  return holds_no_number;
 }
 
 // Read number i from an object that is not exactly a float.
@@ -49,9 +55,7 @@ static __attribute__((noinline, cold)) bool read_other(PyObject* o, const InputB
   if (read_exact_float(o, x)) return true;
   if (buffer.has_fraction && PyObject_TypeCheck(o, python.fraction)) *buffer.has_fraction = true;
   PyNumberMethods* as_number = Py_TYPE(o)->tp_as_number;
-  if (is_no_number(o) || PyComplex_Check(o) || PyUnicode_Check(o) || !as_number ||
-      !(as_number->nb_float || as_number->nb_index))
-    return refuse();
+  if (is_no_number(o) || !as_number || !(as_number->nb_float || as_number->nb_index)) return refuse();
   PyObject* number = as_number->nb_float ? PyNumber_Float(o) : PyNumber_Index(o);
   if (number && !PyFloat_Check(number)) Py_SETREF(number, PyNumber_Float(number));
   if (!number) {
