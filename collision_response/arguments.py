@@ -25,6 +25,8 @@ def real_number(field: str, value: Any) -> Any:
     Raises:
         TypeError: if ``value`` is not a real number, or is an array.
     """
+    if type(value) in (float, int):  # nearly always
+        return value
     number = of_python(value)
     try:
         if not is_real(value) or getattr(number, "shape", None):
