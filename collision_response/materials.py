@@ -47,7 +47,7 @@ from .physics import friction
 from .physics.combine import CombineRule, check_rule, combine
 from .physics.friction import Friction
 from .physics.restitution import Restitution, johnson, plastic, power_law, tabulated
-from .status import ImpactError, StatusCode, format_value
+from .status import ImpactError, StatusCode, format_value, renamed
 
 PUBLISHED = Path(__file__).with_name("materials.yaml")
 
@@ -304,6 +304,9 @@ FUNCTIONS: dict[str, dict[tuple[str, ...], Callable[..., Restitution | Friction]
 }
 """The functions of speed that restitution and friction of a pair may be, by the keys that describe them."""
 
+KEYS = {"restitution": "value", "exponent": "power"}
+"""The keys of arguments that have another name in these functions."""
+
 
 def _coefficient(field: str, law: Any) -> Any:
     """Read a coefficient that is a number, or a mapping that describes a function of speed."""
@@ -316,18 +319,12 @@ def _coefficient(field: str, law: Any) -> Any:
             try:
                 return function(*(_constant(key, law[key]) for key in keys if key in law))
             except (TypeError, ValueError) as error:
-                raise ImpactError(StatusCode.INVALID_COEFFICIENT, field, str(error)) from None
+                raise ImpactError(StatusCode.INVALID_COEFFICIENT, field, renamed(str(error), KEYS)) from None
     raise _malformed(field, f"must have {'; or '.join(map(', '.join, FUNCTIONS[name]))}", law)
 
 
 def _constant(name: str, value: Any) -> Any:
-    """Read a number of a function, or a list of numbers."""
-    if name not in ("speeds", "values"):
-        return _finite(name, value)
-    if not isinstance(value, list):
+    """Return a constant for a function, which checks its numbers; columns of a table must be lists."""
+    if name in ("speeds", "values") and not isinstance(value, list):
         raise TypeError(f"{name}: must be a list of numbers, is {format_value(value, quoted)}")
-    return [_finite(f"{name}[{i}]", x) for i, x in enumerate(value)]
-
-
-def _finite(name: str, x: Any) -> float:
-    return check_number(name, x, -math.inf, math.inf, StatusCode.INVALID_COEFFICIENT)
+    return value

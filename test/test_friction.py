@@ -80,7 +80,7 @@ def test_constants_may_be_numbers_of_every_type(make, number):
         (stribeck, (0.1, 0.2, 0.0), "speed"),
         (stribeck, (0.1, 0.2, math.inf), "speed"),
         (tabulated, ([], []), "speeds"),
-        (tabulated, ([0.0, 0.0], [1.0, 1.0]), "increasing"),
+        (tabulated, ([0.0, 0.0], [1.0, 1.0]), r"^speeds\[1\]: must be greater than the speed before"),
         (tabulated, ([0.0], [-1.0]), "-1"),
         (tabulated, ([0.0], [math.inf]), "inf"),
     ],

@@ -147,9 +147,10 @@ def interpolation(speeds: Iterable[float], values: Iterable[float], most: float)
     if not v or len(v) != len(y):
         reason = f"must be as many as values, at least 1; are {len(v)} and {len(y)}"
         raise ImpactError(StatusCode.INVALID_COEFFICIENT, "speeds", reason)
-    if not all(a < b for a, b in pairwise(v)):
-        reason = f"must be strictly increasing, are {list(v)}"
-        raise ImpactError(StatusCode.INVALID_COEFFICIENT, "speeds", reason)
+    for i, (a, b) in enumerate(pairwise(v), 1):
+        if not a < b:
+            reason = f"must be greater than the speed before, {a}; is {b}"
+            raise ImpactError(StatusCode.INVALID_COEFFICIENT, f"speeds[{i}]", reason)
     return partial(_interpolated, v, y)
 
 
