@@ -30,7 +30,6 @@ from .kernels import library
 from .kernels.protocol import Handover
 from .model import (
     DEFAULT,
-    USEFUL_BOUND,
     Adjustment,
     Geometry,
     ImpactModel,
@@ -113,14 +112,11 @@ def _resolve_more_exactly(
     plan = plan_model(model)
     is_settled = answer is not None and answer.error_bound < settled_bound(answer.model)
     if plan.last_precision is Precision.EXTENDED and not is_settled:
+        if model.restitution_threshold > 0 and contact.restitution > 0:
+            return _resolve_with_threshold_decided(body_a, body_b, contact, model)
         more = arbitrary_precision.resolve(body_a, body_b, contact, model)
         if more is not None and (answer is None or not answer.error_bound < more.error_bound):
             return more
-        has_threshold = model.restitution_threshold > 0 and contact.restitution > 0
-        if has_threshold and model.law is not Law.FRICTIONLESS:
-            decided = _resolve_with_threshold_decided(body_a, body_b, contact, model)
-            if decided is not None:
-                return decided
     if answer is None:
         automatic = model._replace(precision=Precision.AUTO)
         if plan.last_precision is plan_model(automatic).last_precision:
@@ -136,24 +132,16 @@ def _resolve_more_exactly(
 
 def _resolve_with_threshold_decided(
     body_a: Body, body_b: Body, contact: Contact, model: ImpactModel
-) -> Impact | None:
-    """Answer where double-doubles leave open whether the approach is slower than the restitution threshold.
+) -> Impact:
+    """Answer where double-doubles may leave open whether the approach is slower than the threshold.
 
-    For a law that follows a path of the impulse, more digits do not make the result more exact. But whether
-    the threshold applies does not depend on the law, so FRICTIONLESS decides it with as many digits as it
-    takes.
-
-    Returns:
-        The answer, or ``None`` if no number of digits decides.
+    That does not depend on the law, so fractions decide it by FRICTIONLESS. No number of digits could if the
+    two speeds are equal.
     """
-    elastic = contact._replace(restitution=1.0, friction=0.0)
-    frictionless = model._replace(law=Law.FRICTIONLESS, precision=Precision.EXTENDED, tolerance=0.0)
-    approach = resolve(body_a, body_b, elastic, frictionless)
-    if not approach.error_bound <= USEFUL_BOUND:
-        return None
+    approach = exact_fractions.resolve(body_a, body_b, contact._replace(friction=0.0), model)
     is_below = Adjustment.RESTITUTION_THRESHOLD in approach.adjustments
     used = contact._replace(restitution=0.0) if is_below else contact
-    impact = resolve(body_a, body_b, used, model._replace(restitution_threshold=0.0))
+    impact = resolve(body_a, body_b, used, _changed(model, restitution_threshold=0.0))
     return impact._replace(
         model=impact.model._replace(restitution_threshold=model.restitution_threshold),
         adjustments=impact.adjustments | (is_below * Adjustment.RESTITUTION_THRESHOLD),

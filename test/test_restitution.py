@@ -129,6 +129,30 @@ def test_an_approach_at_the_threshold_is_decided_exactly(law, friction):
             assert impact.impulse == pytest.approx(plain.impulse, rel=1e-9)
 
 
+@pytest.mark.parametrize("friction", [0.0, 0.25])
+@pytest.mark.parametrize("power", [-3, 0, 7])
+@pytest.mark.parametrize("law", EVERY_LAW, ids=lambda law: law.name)
+def test_an_approach_at_the_threshold_is_decided_also_if_its_terms_are_no_floats(law, power, friction):
+    """Of the spin of this rod, (4, -1, -1)/9 acts: only fractions show that its contact approaches at 3.5."""
+    two = 2.0**power
+    inertia = (24.0, -6.0, -6.0, 15.0, -12.0, 15.0)
+    velocity, spin = (-two, two, 3 * two), (two, two, two)
+    rod = Body.dynamic(0.0625, inertia, (-1.5, -0.25, 0.0), None, velocity, spin)
+    wall = Body.kinematic((2.0, -0.25, 0.0), (-1.5 * two, 0.0, 0.0))
+    for threshold in (3.5, math.nextafter(3.5, 0), math.nextafter(3.5, 4)):
+        e = 0.5 if threshold <= 3.5 else 0.0
+        contact = Contact.of((2.0, 0.0, 0.5), (0, 0, 1), 0.5, friction)
+        exact = resolve(wall, rod, contact._replace(restitution=e), ImpactModel(law))
+        for precision in (Precision.DOUBLE, Precision.AUTO, Precision.EXTENDED):
+            model = ImpactModel(law, precision=precision, restitution_threshold=threshold * two)
+            impact = resolve(wall, rod, contact, model)
+            away = (impact.impulse - exact.impulse).norm() / exact.impulse.norm()
+            assert away <= impact.error_bound + exact.error_bound
+            if precision is not Precision.DOUBLE:
+                assert impact.contact.restitution == e
+                assert impact.error_bound < 1e-9
+
+
 EXTREME = {
     "an approach": (Body.dynamic(1.0, velocity=(0, 0, -1e308)), FLOOR, (0, 0, 1)),
     "a kinematic body": (DROP, Body.kinematic(velocity=(0, 0, 1e308)), (0, 0, 1)),

@@ -61,9 +61,10 @@ def run(law: Law, problem: Problem, e: float, mu: float) -> Outcome:
     return routh(contact_numbers(problem), Coefficients(e, mu, Settings(law=law)))
 
 
-def run_bounded(law: Law, problem: Problem, e: float, mu: float) -> Outcome:
+def run_bounded(law: Law, problem: Problem, e: float | Bounded, mu: float) -> Outcome:
     contact = contact_numbers(problem, Bounded, lambda x: Bounded(x, abs(x) * ROUNDING))
-    return routh(contact, Coefficients(Bounded(e), Bounded(mu), Settings(law=law)))
+    e = e if isinstance(e, Bounded) else Bounded(e)
+    return routh(contact, Coefficients(e, Bounded(mu), Settings(law=law)))
 
 
 def oracle(law: Law, problem: Problem, e: float, mu: float):
@@ -193,6 +194,30 @@ def test_impulse_and_bound(family, law):
         if law is Law.ROUTH_STRONGE:
             assert plain.energy_lost_restitution >= 0
     assert compared >= 1
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("family", FAMILIES)
+def test_the_bound_covers_any_error_of_restitution(family, law):
+    """At a restitution threshold, e is 0 or itself: one of them with the other as its error."""
+    make, frictions = FAMILIES[family]
+    draw = random.Random(family)
+    for value, error in (
+        (0.0, 0.5),
+        (0.0, 1.0),
+        (0.0, 1e-9),
+        (0.5, 0.5),
+        (1e-6, 1e-6),
+        (0.25, 0.125),
+        (1.0, 0.5),
+    ):
+        problem, mu = make(draw), draw.choice(frictions)
+        bounded = run_bounded(law, problem, Bounded(value, error), mu)
+        for part in (-1, -0.5, 0.5, 1):
+            e = value + part * error
+            if 0 <= e <= 1:
+                for x, y in zip(run(law, problem, e, mu).impulse, bounded.impulse, strict=True):
+                    assert y.covers(x, MOST_ERROR * abs(x)), (value, error, e)
 
 
 @pytest.mark.parametrize("law", LAWS)

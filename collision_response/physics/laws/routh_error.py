@@ -107,10 +107,11 @@ def path_error(
     sliding_rate = choose(certain(s_c * r + g * D * c) < 0, lambda: either, lambda: R)
     stopped_rate = choose(certain(u_c + D) > 0, lambda: either, lambda: rate)
     e_c = certain(SAFETY * D / choose(slips_on, lambda: sliding_rate, lambda: stopped_rate))
+    most_e = certain(e + errors.e)  # e may be wholly uncertain: at the threshold, between 0 and itself
 
     def error_by_work() -> Scalar:
-        e_W = certain(D * (e * e * p_c + p + e_c) - 2 * e * errors.e * W_c)
-        e_W = certain(e_W + choose(slips_on, lambda: 0 * A11, lambda: e * e * early))
+        e_W = certain(D * (most_e * most_e * p_c + p + e_c) - (most_e + e) * errors.e * W_c)
+        e_W = certain(e_W + choose(slips_on, lambda: 0 * A11, lambda: most_e * most_e * early))
         surely_slips = slips_to_end & (least_s > 0)
         least_rate = choose(
             surely_slips, lambda: R, lambda: choose(slips_on, lambda: minimum(R, rate), lambda: rate)
@@ -121,7 +122,7 @@ def path_error(
         is_linear = certain(4 * greatest_rate * e_W) < certain(u * u)
         return choose(is_linear, lambda: SAFETY * e_W / u, lambda: root)
 
-    e_r = choose(energetic, error_by_work, lambda: e * e_c + errors.e * p_c)
+    e_r = choose(energetic, error_by_work, lambda: most_e * e_c + errors.e * p_c)
     e_p, steps = certain(e_c + e_r), y.slip_error + y.impulse_error + early + excess * L2 * P_t
     is_sound = (e_c >= 0) & (certain(-y.u_n_crest - 2 * D) > 0) & (y.excess_turn <= 0)
     is_known = ray.sticks & negation(slips_on & (r <= 1e3 * errors.c))
