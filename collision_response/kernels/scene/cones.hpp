@@ -37,12 +37,12 @@ class Cones {
  public:
   using Axes = std::array<R, 3>;
   using Vector = std::vector<R>;
-  static constexpr double FIRST_RHO = 1e6, GREATEST_RHO = 1e8, LEAST_RHO = 1e2;
+  // rho times the rounding of R is what P may lose in a step, before polish().
+  static constexpr double FIRST_RHO = 1e6, LEAST_RHO = 1e2, GREATEST_RHO = is_scalar<R> ? 1e10 : 1e24;
+  static constexpr double KEEPING_RHO = is_scalar<R> ? 1e8 : 1e16;  // the greatest in keep_velocities()
   static constexpr double SIGMA = 1e6, GIVE = 1e-14;  // of contacts that fully take part
   static constexpr int ROUNDS = 6;  // at most
   static constexpr double KEPT = 1e-12;  // relative error of N y: no further rounds are needed
-  static constexpr double WELL_KEPT = 5e-7;  // error of y: no further rounds are needed
-  static constexpr double SMALL_ERROR = 5e-8;  // of y: no further steps are needed
   static constexpr double SLOW_SLIP = 1e6;  // solve_by_raising_slip: the first slip
   static constexpr double GREATEST_FACTOR = 100, LEAST_FACTOR = 1.2;  // by which slip or rho is raised at once
   static constexpr int MAX_STEPS = 60;
@@ -64,6 +64,7 @@ class Cones {
   };
   std::vector<Cone> cones;
   Vector kept_velocities;  // c, for each cone; or empty
+  double enough = 5e-7;  // error of y: no further rounds are needed, nor steps at a tenth of it
   std::vector<Axes> P, z;  // z: w + B eta
 
   explicit Cones(int body_count) : body_count(body_count) {}
@@ -83,46 +84,72 @@ class Cones {
     allocate_matrix();
   }
 
+  // For cones without friction: set w so that the minimum without constraints is y = aim.
+  void aim_at(const Vector& aim) {
+    for (Cone& cone : cones) {
+      const Axes v = velocity(cone, aim.data());
+      cone.w = {-v[0], R{}, R{}};
+    }
+  }
+
+  // Find P as solve() does, but from the solution in fewer digits if that keeps the velocities: this takes few steps.
+  template <class S>
+  double solve_from(const Cones<S>& coarse) {
+    if (coarse.has_kept) {
+      for (size_t i = 0; i < x.size(); ++i) x[i] = lifted<R>(coarse.x[i]);
+      for (size_t i = 0; i < P.size(); ++i)
+        for (int k = 0; k < 3; ++k) P[i][k] = lifted<R>(coarse.P[i][k]);
+      if (const double error = keep_velocities(); error <= enough) return error;
+    }
+    return solve();
+  }
+
   // Find P: of all solutions nearly the one with the least sum of squares. Returns a bound on the error of y.
   double solve() {
     if (!is_scalar<R> && fastest > SLOW_SLIP) solve_by_raising_slip();
     else solve_from_zero();
-    if (const double error = keep_velocities(); error <= WELL_KEPT) return error;
+    if (const double error = keep_velocities(); error <= enough) return error;
     Bounds bounds = finish_round();
     double error = bounds.of_round;
-    for (int round = 1; round < ROUNDS && !bounds.are_kept && bounds.of_kept > WELL_KEPT; ++round) {
+    for (int round = 1; round < ROUNDS && !bounds.are_kept && bounds.of_kept > enough; ++round) {
       multipliers.assign(x.begin() + 6 * body_count, x.end());
       lagrangian_step(FIRST_RHO, P, false, 60);
       bounds = finish_round();
       error += std::sqrt(2) * bounds.of_round;  // lambda_0 has the error of the round before
     }
+    has_kept = bounds.are_kept || bounds.of_kept <= 2 * bounds.of_round;
     return std::fmin(error, bounds.of_kept);
   }
 
-  // Two steps, each a round of its own: mostly, this keeps the velocities to all digits. Returns a bound on the error of
-  // y; if it is more than WELL_KEPT, nothing has changed.
+  // Steps that are rounds of their own: mostly, two keep the velocities to all digits. Further ones follow only if ROUNDS
+  // would keep them, too. Returns a bound on the error of y; if it is more than enough, nothing has changed.
   double keep_velocities() {
     if (kept_velocities.empty()) return INFINITY;
     const State before = state();
-    for (int round = 0; round < 2; ++round) {
+    double error = INFINITY, last = INFINITY, size = 100 * FIRST_RHO;
+    for (int round = 0; round < 2 || (error > enough && error < last / 10); ++round) {
       multipliers.assign(x.begin() + 6 * body_count, x.end());
-      lagrangian_step(GREATEST_RHO, P, false, 10);
+      if (!lagrangian_step(size, P, false, 10)) break;
+      size = std::fmin(100 * size, KEEPING_RHO);
+      if (round == 0) continue;
+      polish();
+      last = error;
+      error = motion_bounds(ROUNDING).of_kept;
     }
-    polish();
-    const double error = motion_bounds(ROUNDING).of_kept;
-    if (!(error <= WELL_KEPT)) {
+    has_kept = error <= enough;
+    if (!has_kept) {
       restore(before);
       multipliers.assign(kept_velocities.size(), R{});
     }
     return error;
   }
 
-  // The first step of solve(). If Newton's method does not converge from the start, raise rho step by step.
-  void solve_from_zero() {
+  // One step from Q = 0, with rho = size. If Newton's method does not converge from the start, raise rho step by step.
+  void solve_from_zero(double size = FIRST_RHO) {
     const std::vector<Axes> none(P.size());
-    if (lagrangian_step(FIRST_RHO, none, true, 12)) return;
+    if (lagrangian_step(size, none, true, 12)) return;
     lagrangian_step(1, none, true, 60);
-    raise(1, FIRST_RHO, [&](double size, double) { return lagrangian_step(size, none, false, 60); });
+    raise(1, size, [&](double next, double) { return lagrangian_step(next, none, false, 60); });
   }
 
   // The first step of solve() for fast slip: solve with w scaled down, then raise w step by step. Each step starts from
@@ -168,14 +195,14 @@ class Cones {
   void take_adaptive_steps() {
     State best = state();
     double least = motion_error(), size = FIRST_RHO;
-    for (int turn = 0; turn < MAX_STEPS && least > SMALL_ERROR && work < BUDGET; ++turn) {
+    for (int turn = 0; turn < MAX_STEPS && least > enough / 10 && work < BUDGET; ++turn) {
       const State before = state();
       if (!lagrangian_step(size, P, false, 30)) {
         restore(before);
         size /= 10;
         continue;
       }
-      size *= 3;
+      size = std::fmin(30 * size, GREATEST_RHO);
       polish();
       if (const double now = motion_error(); now < least) {
         least = now;
@@ -189,7 +216,7 @@ class Cones {
   void refine() {
     double least = motion_error();
     for (double size = GREATEST_RHO; size >= LEAST_RHO; size /= 100)
-      for (bool gains = true; gains && least > SMALL_ERROR;) {
+      for (bool gains = true; gains && least > enough / 10;) {
         const State before = state();
         lagrangian_step(size, P, false, 60);
         polish();
@@ -311,12 +338,15 @@ class Cones {
   }
   double motion_error() const { return motion_bounds(0).of_round; }
   Bounds finish_round() {
-    if constexpr (!is_scalar<R>) take_adaptive_steps();
-    refine();
+    if constexpr (is_scalar<R>) refine();
+    else take_adaptive_steps();
     return motion_bounds(ROUNDING);
   }
 
  private:
+  template <class>
+  friend class Cones;
+  bool has_kept = false;  // whether the velocities are kept to all digits
   int body_count, variables = 0;
   double rho = 1;
   double work = 0;  // multiplications so far

@@ -2,26 +2,6 @@
 #pragma once
 #include "friction.hpp"
 
-// The greatest ratio of the norm of error_bound to the size in the metric of kinetic energy, for twist changes of a
-// body.
-inline double norm_ratio(const AssembledBody& body) {
-  const double* x = body.x;
-  double mass = x[0], moments[3] = {x[1], x[4], x[6]}, trace = x[1] + x[4] + x[6], c = 0;
-  for (int k = 0; k < 3; ++k) c += x[IN_BODY_A_COM_X + k] * x[IN_BODY_A_COM_X + k];
-  double shift = 2 * mass * c, base = c > 0 ? 2 : 1;
-  if (!(trace > 0)) return std::sqrt(base);
-  const bool is_diagonal = x[2] == 0 && x[3] == 0 && x[5] == 0;
-  double least = INFINITY, inverse = 0;  // the least moment that is not 0; the sum of the inverses of the moments
-  for (int k = 0; k < 3; ++k) {
-    const double* turn = body.centre_in_doubles.turn(k);
-    double square = turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2];
-    inverse += square;
-    if (square > 0) least = std::fmin(least, moments[k]);
-  }
-  // Half of the digits of the least moment may be rounding: see ROUNDINGS in physics/body.py.
-  return std::sqrt(std::fmax(base, is_diagonal ? (shift + trace / 3) / least : (shift + trace / 3) * 2 * inverse));
-}
-
 using Regime = unsigned char;
 
 // A slip below this fraction of the fastest speed before the impact counts as none. Friction that is below its limit by

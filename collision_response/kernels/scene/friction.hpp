@@ -59,6 +59,64 @@ constexpr double GREATEST_FRICTION = 1e30, LEAST_FRICTION = 1e-30, GREATEST_IN_O
 // they were shared in doubles.
 constexpr double UNLOADED = 0x1p-80, UNSHARED = 1e-10;
 
+// A contact as a cone, with impulses in units that make n.K n of every contact 1, and velocities in units of `speed`.
+// `mean` is the mean of 1 / (n.K n) of unit normals. part and load: see Cone.
+template <class R>
+typename Cones<R>::Cone cone_of(const AssembledContact& contact, const std::array<ContactAxis<R>, 3>& axes,
+                                double speed, double mean, double part = 1, double load = 1) {
+  typename Cones<R>::Cone cone;
+  double unit = contact.scale * contact.length;
+  for (int side = 0; side < 2; ++side) {
+    cone.body[side] = contact.body[side];
+    for (int axis = 0; axis < 3; ++axis)
+      for (int k = 0; k < 6; ++k) cone.row[side][axis][k] = unit * axes[axis].row[side][k];
+  }
+  for (int axis = 0; axis < 3; ++axis) cone.w[axis] = unit * axes[axis].velocity / speed;
+  cone.mu = contact.mu > LEAST_FRICTION ? std::fmin(contact.mu, GREATEST_FRICTION) : 0;
+  if (!(cone.mu > 0)) cone.w[1] = cone.w[2] = R{};  // they have no effect, but may be large
+  cone.part = part;
+  cone.load = load;
+  // So that the least sum of squares is that of impulses in newton seconds.
+  cone.share = std::fmin(std::fmax(1 / (unit * unit * mean), 1e-3), 1e3);
+  return cone;
+}
+
+// The impulses >= 0 of nearly the same effect as p with nearly the least norm: those that minimise the square of the
+// difference in the effect, plus SHARING times the norm. Moving walls are one more body, which their work moves.
+inline Vector nearly_least_norm(const Assembly& assembly, const Vector& p) {
+  constexpr double SHARING = 1e-9;  // for contacts whose normals or lever arms differ by 3e-5
+  const int count = assembly.count, walls = assembly.body_count;
+  double greatest = 0, fastest = 0, mean = 0;
+  for (int i = 0; i < count; ++i) {
+    const AssembledContact& contact = assembly.contacts[i];
+    greatest = std::fmax(greatest, p[i] / contact.scale);
+    fastest = std::fmax(fastest, std::fabs(high(contact.velocity)) * contact.scale);
+    mean += contact.scale * contact.scale * contact.length * contact.length / count;
+  }
+  Cones<DD> programme(walls + assembly.has_moving_wall);
+  for (int i = 0; i < count; ++i) {
+    const AssembledContact& contact = assembly.contacts[i];
+    Cones<DD>::Cone cone = cone_of(contact, assembly.axes_of<DD>(contact), 1, 1 / mean);
+    cone.mu = 0;
+    for (int side = 0; side < 2; ++side)
+      if (contact.wall[side] >= 0) {
+        cone.body[side] = walls;
+        for (int k = 0; k < 6 && fastest > 0; ++k)
+          cone.row[side][0][0] += contact.scale / fastest *
+                                  assembly.walls[contact.wall[side]].x[IN_BODY_A_VELOCITY_X + k] *
+                                  value(contact.jacobian[side][k]);
+      }
+    programme.cones.push_back(cone);
+    programme.P.push_back({DD{p[i] / contact.scale / greatest, 0}, DD{}, DD{}});
+  }
+  programme.aim_at(programme.motion());
+  programme.prepare();
+  programme.solve_from_zero(1 / SHARING);
+  Vector nearly;
+  for (int i = 0; i < count; ++i) nearly.push_back(programme.P[i][0].h * greatest * assembly.contacts[i].scale);
+  return nearly;
+}
+
 // How much part in the loads each contact takes. 1: it is loaded if loads of the same effect are shared; other loads
 // would depend on the order of the contacts. Less: it is loaded if loads of nearly the same effect are, as the fourth
 // corner of a box whose corners are slightly off a plane. Sets the loads shared.
@@ -87,41 +145,32 @@ inline Vector parts_in_loads(const Assembly& assembly, const Vector& given, doub
   return part;
 }
 
-// A contact as a cone, with impulses in units that make n.K n of every contact 1, and velocities in units of `speed`.
-// `mean` is the mean of 1 / (n.K n) of unit normals. part and load: see Cone.
-template <class R>
-typename Cones<R>::Cone cone_of(const AssembledContact& contact, const std::array<ContactAxis<R>, 3>& axes,
-                                double speed, double mean, double part = 1, double load = 1) {
-  typename Cones<R>::Cone cone;
-  double unit = contact.scale * contact.length;
-  for (int side = 0; side < 2; ++side) {
-    cone.body[side] = contact.body[side];
-    for (int axis = 0; axis < 3; ++axis)
-      for (int k = 0; k < 6; ++k) cone.row[side][axis][k] = unit * axes[axis].row[side][k];
-  }
-  for (int axis = 0; axis < 3; ++axis) cone.w[axis] = unit * axes[axis].velocity / speed;
-  cone.mu = contact.mu > LEAST_FRICTION ? std::fmin(contact.mu, GREATEST_FRICTION) : 0;
-  if (!(cone.mu > 0)) cone.w[1] = cone.w[2] = R{};  // they have no effect, but may be large
-  cone.part = part;
-  cone.load = load;
-  // So that the least sum of squares is that of impulses in newton seconds.
-  cone.share = std::fmin(std::fmax(1 / (unit * unit * mean), 1e-3), 1e3);
-  return cone;
-}
-
 // The inverse: an impulse of such a cone in newton seconds.
 inline Axes in_newton_seconds(Axes P, const AssembledContact& contact, double speed) {
   for (double& along : P) along = along * speed * contact.scale * contact.length;
   return P;
 }
 
-constexpr double ACCEPTED_IN_DOUBLES = 1e-6;  // a bound on the error of y: no need for double-double
+// The error of y, in units of `speed`, that makes the error bound of an answer `bound`.
+inline double error_for_bound(const Assembly& assembly, const Vector& y, double bound) {
+  double largest = 0, worst = 0;
+  for (int b = 0; b < assembly.body_count; ++b) {
+    double twist[6];
+    assembly.bodies[b].centre_in_doubles.twist_of(&y[6 * b], twist);
+    largest = std::fmax(largest, twist_size(assembly.bodies[b].x, twist));
+    worst = std::fmax(worst, norm_ratio(assembly.bodies[b]));
+  }
+  return bound * largest / worst;
+}
+
+constexpr double ACCEPTED_IN_DOUBLES = 1e-6;  // a bound on the error of an answer: no need for double-double
 
 // Solve the programme of least work again, in double-double. If this reduces `error`, the bound on the error of y, set
 // the impulses of `programme`. Returns the new bound.
 inline double solve_in_double_double(const Assembly& assembly, const std::vector<int>& loaded, const std::vector<DD>& p,
-                                     double speed, double mean, Cones<double>& programme, double error) {
+                                     double speed, double mean, Cones<double>& programme, double error, double enough) {
   Cones<DD> precise(assembly.body_count);
+  precise.enough = std::fmin(precise.enough, enough);
   const std::vector<N> changes = assembly.twist_changes(p.data());
   for (size_t k = 0; k < loaded.size(); ++k) {
     const AssembledContact& contact = assembly.contacts[loaded[k]];
@@ -132,7 +181,7 @@ inline double solve_in_double_double(const Assembly& assembly, const std::vector
                                       speed);
   }
   precise.prepare();
-  double precise_error = precise.solve();
+  double precise_error = precise.solve_from(programme);
   if (!(precise_error < error)) return error;
   for (size_t k = 0; k < loaded.size(); ++k)
     for (int axis = 0; axis < 3; ++axis) {
@@ -182,6 +231,7 @@ inline ClusterImpulses least_work_friction(const Assembly& assembly, const Clust
   const Vector given = rounded(frictionless.normal.data(), count);
   double mean = 0, speed = 0;
   for (int i = 0; i < count; ++i) speed = std::fmax(speed, given[i] / assembly.contacts[i].scale);
+  if (!(speed > 0)) return result;
   Vector shared;
   const Vector part = parts_in_loads(assembly, given, speed, shared);
   std::vector<int> loaded;
@@ -216,8 +266,9 @@ inline ClusterImpulses least_work_friction(const Assembly& assembly, const Clust
   }
   programme.prepare();
   double error = programme.solve();
-  if (!(error <= ACCEPTED_IN_DOUBLES))
-    error = solve_in_double_double(assembly, loaded, frictionless.normal, speed, mean, programme, error);
+  const double enough = error_for_bound(assembly, programme.motion(), ACCEPTED_IN_DOUBLES);
+  if (!(error <= enough))
+    error = solve_in_double_double(assembly, loaded, frictionless.normal, speed, mean, programme, error, enough);
   result.error += error * speed;
   std::vector<Axes> P(count);
   for (size_t k = 0; k < loaded.size(); ++k)
@@ -248,8 +299,11 @@ inline ClusterImpulses least_work_friction(const Assembly& assembly, const Clust
   bool approaches = false;
   for (int i = 0; i < count; ++i) {
     const AssembledContact& contact = assembly.contacts[i];
-    double u = moved.velocity(i, 0), doubt = 0x1p-50 * (std::fabs(contact.axes[0].velocity) + moved.size_at(i));
-    approaches = approaches || u < -doubt;
+    double u = moved.velocity(i, 0);
+    const double doubt = 0x1p-50 * (std::fabs(contact.axes[0].velocity) + moved.size_at(i));
+    // Velocities that are kept do not approach, except by the error of the programme.
+    const double kept = part[i] < 1 ? 0 : error * speed / (contact.scale * contact.length);
+    approaches = approaches || u < -doubt - kept;
     offset.push_back(exact(u * contact.length) - contact.velocity);
     offset.back().error += doubt * contact.length;
   }

@@ -173,28 +173,3 @@ inline void least_norm(const Assembly& assembly, Vector& p, bool over_copies) {
   NullImpulses found = null_impulses(assembly);
   if (!found.basis.empty()) minimise_norm(assembly, p, over_copies, std::move(found.basis));
 }
-
-// The impulses >= 0 of nearly the same effect as p with nearly the least norm: those that minimise the square of the
-// difference in the effect, plus SHARING times the norm.
-inline Vector nearly_least_norm(const Assembly& assembly, const Vector& p) {
-  constexpr double SHARING = 1e-9;  // for contacts whose normals or lever arms differ by 3e-5
-  const int count = assembly.count;
-  const std::vector<AssembledContact>& contacts = assembly.contacts;
-  Effects<DD> effects(assembly);
-  std::vector<DD>&A = effects.matrix, b(count);
-  Vector weight(count), unit(count);
-  double mean = 0;
-  for (int i = 0; i < count; ++i) {
-    weight[i] = effects.scale[i] * effects.scale[i] * contacts[i].length * contacts[i].length;
-    mean += weight[i] / count;
-    for (int j = 0; j < count; ++j) b[i] -= A[i * count + j] * DD{p[j] / effects.scale[j], 0};
-  }
-  for (int i = 0; i < count; ++i) unit[i] = 1 / std::sqrt(1 + SHARING * weight[i] / mean);  // for a unit diagonal
-  for (int i = 0; i < count; ++i) {
-    b[i] = unit[i] * b[i];
-    for (int j = 0; j < count; ++j) A[i * count + j] = i == j ? DD{1, 0} : unit[i] * (unit[j] * A[i * count + j]);
-  }
-  Vector nearly = rounded(minimise(A, b, assembly.all_contacts()).x.data(), count);
-  for (int i = 0; i < count; ++i) nearly[i] *= unit[i] * effects.scale[i];
-  return nearly;
-}

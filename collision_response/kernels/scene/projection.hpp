@@ -6,6 +6,7 @@ struct Projection {
   MinimumStatus status;
   std::vector<DD> q;  // impulses along the normals
   double error;  // a bound on that of the velocities, in the metric of kinetic energy
+  bool is_settled = false;  // whether all velocities are right within their rounding: more digits change nothing
 };
 
 inline double greatest_scaled(const Assembly& assembly, const std::vector<N>& u, const std::vector<int>& among) {
@@ -55,6 +56,7 @@ Projection project_with(const Assembly& assembly, const std::vector<R>& matrix, 
 
   std::vector<N> r(count);
   bool is_current = false;  // whether r are the velocities after q
+  bool is_settled = false;
   auto update_r = [&] {
     is_current = true;
     std::vector<N> twists = assembly.twist_changes(q.data());
@@ -64,7 +66,7 @@ Projection project_with(const Assembly& assembly, const std::vector<R>& matrix, 
   for (int round = 0; round < 4 * count + 20; ++round) {
     for (int turn = 0; turn < 8; ++turn) {  // refine the active impulses, by Newton's method
       update_r();
-      bool is_settled = true;
+      is_settled = true;
       y.clear();
       for (int j : active.members) {
         y.push_back(-rounded_to<R>(r[j]) * scale(j));
@@ -98,7 +100,10 @@ Projection project_with(const Assembly& assembly, const std::vector<R>& matrix, 
         entering = i;
       }
     }
-    if (entering < 0) break;
+    if (entering < 0) {
+      result.is_settled = is_settled;
+      break;
+    }
     is_current = false;
     MinimumStatus status = enter(
         active, entering, rounded_to<R>(r[entering]) * scale(entering),
@@ -125,7 +130,7 @@ inline Projection project(const Assembly& assembly, const DD* p, const std::vect
     for (int i : among) start[i] = start[i] + offset[i];
   const Projection found = project_with(assembly, assembly.A, start, among);
   const double fine = assembly.is_locked ? INFINITY : FINE * greatest_scaled(assembly, start, among);
-  if (found.status == MinimumStatus::FOUND && found.error <= fine) return found;
+  if (found.status == MinimumStatus::FOUND && (found.error <= fine || found.is_settled)) return found;
   const Projection finer = project_with(assembly, assembly.couplings<DD>(), start, among);
   return finer.error < found.error || found.status != MinimumStatus::FOUND ? finer : found;
 }
