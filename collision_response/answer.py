@@ -235,8 +235,10 @@ def format_number(x: Scalar) -> str:
 
 
 def format_vector(v: Any) -> str:
-    """Format a vector as "(x, y, z)"."""
-    return "(" + ", ".join(map(format_number, (v.x, v.y, v.z))) + ")"
+    """Format a vector as "(x, y, z)". A component below the rounding of the largest is shown as 0."""
+    components = v.x, v.y, v.z
+    size = max(map(abs, components))
+    return "(" + ", ".join(format_number(0.0 if abs(x) * 2**53 < size else x) for x in components) + ")"
 
 
 def format_columns(head: list[str], rows: list[list[str]]) -> list[str]:

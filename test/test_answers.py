@@ -7,7 +7,7 @@ import math
 import pickle
 import re
 import sys
-from fractions import Fraction
+from fractions import Fraction as F
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +28,7 @@ from collision_response import (
     resolve_contact,
     resolve_scene,
 )
+from collision_response.answer import format_vector
 from collision_response.physics import mass_properties
 from collision_response.physics.body import Twist
 from collision_response.physics.vector import Vec3
@@ -67,6 +68,21 @@ def test_a_contact_impact_prints_as_a_table():
         "energy changed by -0.382812 J; lost: 0.375 restitution, 0.0078125 friction",
     ]
     assert repr(impact).startswith("ContactImpact(OK, COULOMB, STICKING, impulse=(-0.0625, 0, 1.5), error")
+
+
+@pytest.mark.parametrize(
+    ("components", "text"),
+    [
+        ((0.55, 4e-25, -1e-17), "(0.55, 0, 0)"),
+        ((0.5, 1e-16, -1e-15), "(0.5, 1e-16, -1e-15)"),
+        ((1e-24, -4e-16, -0.0), "(1e-24, -4e-16, 0)"),
+        ((F(10) ** 400, F(1), F(-1, 3)), "(1.00000e+400, 0, 0)"),
+        ((F(1, 3), F(1, 10**9), F(0)), "(0.333333, 1e-09, 0)"),
+        ((math.inf, math.nan, 1.0), "(inf, nan, 0)"),
+    ],
+)
+def test_components_that_are_rounding_print_as_zero(components, text):
+    assert format_vector(Vec3(*components)) == text
 
 
 def test_adjustments_are_in_the_table():
@@ -159,12 +175,12 @@ class TestShapes:
         assert (inertia.zz, inertia.xx) == pytest.approx((2 * axial, 2 * across), rel=1e-12)
 
     def test_degenerate_shapes_agree_with_simpler_ones(self):
-        one = Fraction(1)
+        one = F(1)
         assert mass_properties.capsule(one, one, 0 * one) == mass_properties.sphere(one, one)
-        assert mass_properties.cone(one, 0 * one, one).inertia.xx == Fraction(3, 80)
+        assert mass_properties.cone(one, 0 * one, one).inertia.xx == F(3, 80)
         shell = mass_properties.hollow_sphere(one, one).inertia.xx
-        outer, inner = (one * r**5 * Fraction(2, 5) for r in (1, Fraction(999, 1000)))
-        volume = 1 - Fraction(999, 1000) ** 3
+        outer, inner = (one * r**5 * F(2, 5) for r in (1, F(999, 1000)))
+        volume = 1 - F(999, 1000) ** 3
         assert float((outer - inner) / volume) == pytest.approx(
             float(shell), rel=2e-3
         )  # one part in a thousand thick
@@ -210,7 +226,7 @@ def test_a_tuple_plus_a_vector_is_a_vector_sum():
     v = Vec3(1.0, -2.0, 3.0)
     assert (1, 1, 1) + v == v + (1, 1, 1) == Vec3(2.0, -1.0, 4.0)  # noqa: RUF005
     assert (1, 1, 1) - v == -(v - (1, 1, 1)) == Vec3(0.0, 3.0, -2.0)
-    assert Fraction(1, 2) * v == v / 2 == Vec3(0.5, -1.0, 1.5)
+    assert F(1, 2) * v == v / 2 == Vec3(0.5, -1.0, 1.5)
 
 
 def test_replacing_the_mass_replaces_the_inverse_mass():
