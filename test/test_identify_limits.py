@@ -146,7 +146,10 @@ def test_clean_coefficients_near_a_limit_are_found_with_their_intervals(e, mu, l
     assert len([note for note in found.notes if "limit" in note]) == len(limits) == len(found.notes)
 
 
-@pytest.mark.parametrize(("seed", "mu"), [(1204, 2.0), (1552, 0.5), (2128, 0.2)])
+@pytest.mark.parametrize(
+    ("seed", "mu"),
+    [(1060, 0.5), (1204, 2.0), (1544, 0.83), (1552, 0.5), (1600, 2.0), (1660, 2.0), (2128, 0.2)],
+)
 def test_the_law_that_falls_back_is_found_where_no_energy_is_lost(seed, mu):
     """Where MOREAU falls back, its answer jumps. At e = 1 it does so most often, and jumps stop a search."""
     rows = []

@@ -25,7 +25,7 @@ class Range(NamedTuple):
 
 RANGES = {
     "restitution": Range(0.0, 1.0, (0.1, 0.3, 0.5, 0.7, 0.9, 1.0)),  # at 1 MOREAU falls back most often
-    "friction": Range(0.0, math.inf, (0.03, 0.1, 0.3, 1.0)),
+    "friction": Range(0.0, math.inf, (0.03, 0.05, 0.08, 0.13, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5, 2.5)),
     "tangential_restitution": Range(-1.0, 1.0, (-0.5, 0.0, 0.5)),
     "stiffness_ratio": Range(0.05, 20.0, (0.5, 1.0, 3.0)),
 }
@@ -62,7 +62,7 @@ LOSSES: dict[str, Callable[[Array], Array]] = {
 """SciPy's loss functions: from a squared residual to its part of the cost, both over the squared scale."""
 
 SEARCHES = 4
-"""Number of searches if friction is not fitted, from the points with the smallest sums of squares."""
+"""Number of searches, from points with small sums of squares."""
 
 
 def residual_unit(measured: Measurements, kind: str) -> float:
@@ -125,15 +125,20 @@ class LeastSquares(NamedTuple):
     def start(self) -> Array:
         """Return the point where the final search begins: the best of rough solutions from several points.
 
-        They are the best point for each value of friction: where all impacts stick, friction has no effect,
-        and no search leaves that region, however many start there.
+        They have different frictions, first those in valleys: where all impacts stick, friction has no
+        effect, and where a law falls back to another, its answer jumps. No search leaves such a region.
         """
-        places = sorted(product(*(RANGES[name].starts for name in self.names)), key=self.squares)
-        chosen = places[:SEARCHES]
+        squares = {
+            place: self.squares(place) for place in product(*(RANGES[name].starts for name in self.names))
+        }
+        chosen = sorted(squares, key=squares.__getitem__)
         if "friction" in self.names:
             i = self.names.index("friction")
-            chosen = [*{place[i]: place for place in reversed(places)}.values()]
-        found = (self.solve(np.array(place), ROUGH_PRECISION) for place in chosen)
+            lowest, values = {place[i]: place for place in reversed(chosen)}, RANGES["friction"].starts
+            heights = [math.inf, *(squares[lowest[value]] for value in values), math.inf]
+            is_valley = {v: heights[k] > heights[k + 1] <= heights[k + 2] for k, v in enumerate(values)}
+            chosen = sorted(lowest.values(), key=lambda place: (not is_valley[place[i]], squares[place]))
+        found = (self.solve(np.array(place), ROUGH_PRECISION) for place in chosen[:SEARCHES])
         return min(found, key=lambda one: one.cost).x
 
     def squares(self, x: Iterable[float]) -> float:
