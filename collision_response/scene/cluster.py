@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from fractions import Fraction
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from ..arguments import check_number
 from ..in_python.coefficients_at_speed import initial_friction, restitution_at_speed
@@ -19,8 +19,9 @@ from .clusters import DistinctContacts, Pair
 from .rational_cluster import RationalCluster
 from .request import ContactIndices, SceneOptions, SceneRequest, as_floats, check_contact, with_scene_names
 
-AnyCluster = library.Cluster | RationalCluster
-"""A cluster as laws are applied to it: in double-double, or in fractions."""
+if TYPE_CHECKING:  # the documentation is built without compiled modules
+    AnyCluster = library.Cluster | RationalCluster
+    """A cluster as laws are applied to it: in double-double, or in fractions."""
 
 
 class ClusterParts(NamedTuple):
