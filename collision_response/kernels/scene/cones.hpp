@@ -39,7 +39,7 @@ class Cones {
   using Vector = std::vector<R>;
   // rho times the rounding of R is what P may lose in a step, before polish().
   static constexpr double FIRST_RHO = 1e6, LEAST_RHO = 1e2, GREATEST_RHO = is_scalar<R> ? 1e10 : 1e24;
-  static constexpr double KEEPING_RHO = is_scalar<R> ? 1e8 : 1e16;  // the greatest in keep_velocities()
+  static constexpr double KEEPING_RHO = is_scalar<R> ? 1e8 : 1e16;  // the greatest where velocities matter most
   static constexpr double SIGMA = 1e6, GIVE = 1e-14;  // of contacts that fully take part
   static constexpr int ROUNDS = 6;  // at most
   static constexpr double KEPT = 1e-12;  // relative error of N y: no further rounds are needed
@@ -215,7 +215,8 @@ class Cones {
   // Further steps from the current P, until they reduce the error no more. They do not keep the sum of squares least.
   void refine() {
     double least = motion_error();
-    for (double size = GREATEST_RHO; size >= LEAST_RHO; size /= 100)
+    // The velocities themselves, which MOREAU takes its shifts from, need less rounding.
+    for (double size = kept_velocities.empty() ? KEEPING_RHO : GREATEST_RHO; size >= LEAST_RHO; size /= 100)
       for (bool gains = true; gains && least > enough / 10;) {
         const State before = state();
         lagrangian_step(size, P, false, 60);
