@@ -112,7 +112,7 @@ def test_jam_of_a_slender_rod():
     stop = F(1) / (F(34, 10) * mu - F(12, 10))
     held = F(16, 10) - F(12, 10) ** 2 / F(34, 10)
     p_c = stop + (1 - (F(16, 10) - F(12, 10) * mu) * stop) / held
-    for law in LAWS[3:]:
+    for law in ("routh_poisson", "routh_stronge"):
         _, report = strike(4, (-1, -1), law, e, mu)
         assert report.jam and not report.falls_again and report.energy < 0
         names = [name for name, _ in report.events]

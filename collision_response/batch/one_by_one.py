@@ -45,7 +45,7 @@ def resolve_one_by_one(request: BatchRequest, out: BatchResult, columns: Array) 
 
 
 def _resolve_in_single(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Impact:
-    """Resolve in SINGLE; in AUTO where that leaves no digit, as of a rod, whose tensor it rounds again."""
+    """Resolve in SINGLE. Where that leaves no digit, as for a rod whose tensor SINGLE rounds, in AUTO."""
     try:
         impact = resolve(body_a, body_b, contact, model._replace(precision=Precision.SINGLE))
     except ImpactError:

@@ -98,6 +98,8 @@ def plan_for(bodies: Array, contacts: Array, model: ImpactModel, pairs: Array | 
 
 
 KEPT = 64
+"""Greatest number of plans to keep."""
+
 _recent_plans: dict[tuple[Any, ...], tuple[ImpactModel, BatchPlan]] = {}
 """Recent plans, by the identity of the model: hashing a model takes as long as a hundred contacts."""
 

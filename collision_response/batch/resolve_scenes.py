@@ -107,7 +107,7 @@ def resolve_scenes(
 
     The numbers are those of :func:`~collision_response.resolve_scene` for each cluster by itself, in the
     geometry of the table, to the bit. Clusters are computed without Python, except for the few that need more
-    digits or in which a contact is given twice, and for single contacts resolved by ROUTH_STRONGE.
+    digits or in which a contact is given twice, and for single contacts by a law that follows a path.
 
     Args:
         bodies: a table of bodies, float64, shape ``(rows, B)``. The number of rows determines the geometry.
@@ -134,7 +134,7 @@ def resolve_scenes(
     clusters, cluster_of = _find_clusters(bodies, pairs)
     result = _initial_result(request, cluster_of, clusters.starts.size - 1)
     is_single = np.diff(clusters.starts) == 1
-    if model.law not in PATHS:  # these are resolved one after another
+    if model.law not in PATHS:  # single contacts of path laws stay UNSET, for resolve_scene() below
         singles = np.flatnonzero(is_single)
         _resolve_single_contacts(request, singles, clusters.order[clusters.starts[singles]], result, workers)
     _resolve_without_python(request, clusters, np.flatnonzero(~is_single), threshold, result, workers)

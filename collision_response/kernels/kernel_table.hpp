@@ -54,23 +54,27 @@ inline const struct {
 #undef BATCH_KERNEL
 };
 
+// The formula of a law; -1 if there is none, as for a law that Python has since this was compiled.
+inline int formula_of_law(int law) { return law < LAW_COUNT ? formula_of[law] : -1; }
+
 // Find the fastest kernel for one impact that the machine can run. If there is none of this precision, `precision`
 // becomes DOUBLE. Null if the law is unknown.
 inline ImpactKernel find_impact_kernel(int law, bool articulated, int& precision) {
   int layout = articulated ? LAYOUT_ARTICULATED : LAYOUT_EVERYTHING;
   for (const auto& row : impact_kernels)
-    if (row.formula == formula_of[law] && row.layout == layout && row.precision == precision && is_runnable(row.level))
+    if (row.formula == formula_of_law(law) && row.layout == layout && row.precision == precision &&
+        is_runnable(row.level))
       return row.kernel;
   if (precision == PRECISION_DOUBLE) return nullptr;
   precision = PRECISION_DOUBLE;
   return find_impact_kernel(law, articulated, precision);
 }
 
-// Find the fastest kernel for batches that the machine can run, null if there is none for this layout. A law that has
-// one kernel for all precisions has that of BOUNDED.
+// Find the fastest kernel for batches that the machine can run. Null if there is none for this law and layout. A law
+// that has one kernel for all precisions has that of BOUNDED.
 inline BatchKernel find_batch_kernel(int law, int layout, int number_type) {
   for (const auto& row : batch_kernels)
-    if (row.formula == formula_of[law] && row.layout == layout && row.number_type == number_type &&
+    if (row.formula == formula_of_law(law) && row.layout == layout && row.number_type == number_type &&
         is_runnable(row.level))
       return row.kernel;
   bool is_substituted = layout == LAYOUT_EVERYTHING && (number_type == NUMBER_PLAIN || number_type == NUMBER_EXTENDED);

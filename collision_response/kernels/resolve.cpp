@@ -143,7 +143,7 @@ int compute_one_impact(PyObject* const* request, const Plan& plan, OneImpact& im
     int used_precision = precision;
     ImpactKernel kernel = find_impact_kernel(impact.law, impact.is_articulated, used_precision);
     if (!kernel) {
-      PyErr_Format(PyExc_LookupError, "no kernel of law %d", impact.law);
+      PyErr_Format(PyExc_LookupError, "no kernel of law %d: is it newer than the build?", impact.law);
       return RAISED;
     }
     if (kernel == last_kernel) break;  // the law has one kernel for all precisions

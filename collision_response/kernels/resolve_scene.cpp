@@ -273,6 +273,7 @@ class SceneAnswer {
       put_contact(k, contact, &effect.impulses[3 * i], effect.normal_velocities_before[i],
                   effect.normal_velocities_after[i], effect.regimes[i]);
     }
+    // The law is read only if this one fell back.
     put_cluster(effect.energies, effect.error_bound, adjustments_of(cluster, result),
                 cluster.has_friction ? LAW_COULOMB : LAW_FRICTIONLESS, GEOMETRY_SPATIAL,
                 cluster.has_friction ? PRECISION_DOUBLE : PRECISION_EXTENDED);

@@ -18,5 +18,8 @@ def kinetic_energy(body: Body) -> Scalar:
     """Kinetic energy [J]; 0 for an immovable body, and for an articulated one, whose energy is not known."""
     spin = body.to_body(body.angular_velocity)
     v = body.velocity + body.angular_velocity.cross(body.to_world(body.com))
-    energy = (body.mass * v.dot(v) + spin.dot(body.inertia @ spin)) / 2
-    return choose(body.has_mass(), lambda: energy, lambda: spin.x * 0)
+
+    def energy() -> Scalar:  # only with a mass: large fractions overflow the float of an infinite one
+        return (body.mass * v.dot(v) + spin.dot(body.inertia @ spin)) / 2
+
+    return choose(body.has_mass(), energy, lambda: spin.x * 0)

@@ -55,6 +55,8 @@ def decide(
     if cluster.approach_is_uncertain and not (cluster.is_locked and is_small):
         approaches = _has_approach(parts)
         if not approaches or has_friction or law is Law.ROUTH_STRONGE or not is_small:
+            # No contact approaches, so no impulse is right. Or fractions cannot tell: then its error has no
+            # bound.
             nothing = Decided([0.0] * len(parts.contacts), error=math.inf if approaches else 0.0)
             return resolve_in_kernels(cluster, parts, options, Law.FRICTIONLESS, nothing)
     if law is Law.ROUTH_STRONGE or not is_small:

@@ -162,7 +162,7 @@ def _resolve_single_contact(scene: SceneRequest, i: int, model: ImpactModel) -> 
 
 
 PROBE, PROBE_CONTACT = Body.dynamic(1.0), Contact.of((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
-"""Something to try one body, or one contact, with."""
+"""A partner for a body, or for a contact, that is checked by itself."""
 
 
 def _as_fractions(scene: SceneRequest, law: Law) -> SceneRequest:
@@ -269,7 +269,7 @@ def _read_body(i: int, body: Body, exact: bool) -> Body:
     """Return a body that no impulse changes, with its numbers as floats, or as they are if ``exact``.
 
     Raises:
-        ImpactError, TypeError: if the body is invalid, which an impact with a probe tells.
+        ImpactError, TypeError: if the body is invalid: those that ``resolve`` raises for it and a probe.
     """
     try:
         with_scene_names(ContactIndices(-1, i, -1), resolve, body, PROBE, PROBE_CONTACT)

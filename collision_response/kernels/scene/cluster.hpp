@@ -8,7 +8,7 @@
 #include "validity_everything.hpp"
 
 using Code = unsigned char;  // a StatusCode, or UNDECIDED
-constexpr Code UNDECIDED = 0;  // fractions may know more: see scene/undecided.py
+constexpr Code UNDECIDED = STATUS_UNSET;  // fractions may know more: see scene/in_fractions.py
 
 // The bodies and contacts of a cluster as numbers. Contacts name bodies by their indices in `bodies`.
 struct ClusterParts {
@@ -114,7 +114,8 @@ struct ClusterOptions {
   double threshold, restitution_threshold, tangential_restitution;
   SpringOptions springs{};
 
-  // Whether the law resolves several contacts at once. If not, Python says so.
+  // Whether the law resolves several contacts at once, as CLUSTER_LAWS of scene/resolve_cluster.py says. If not, Python
+  // raises the error.
   bool is_for_clusters() const {
     return (law == LAW_FRICTIONLESS || law == LAW_COULOMB || law == LAW_MOREAU || law == LAW_ROUTH_STRONGE) &&
            tangential_restitution == 0;
@@ -125,7 +126,7 @@ struct ClusterOptions {
 
 // What fractions have decided about a cluster.
 struct Decided {
-  bool is_final = false;  // whether they were asked: if so, there is an answer, if only with an infinite bound
+  bool is_final = false;  // they were asked, and are not asked again: the answer may have an infinite bound
   const ClusterImpulses* normal = nullptr;  // the impulses without friction, if they found them
 };
 

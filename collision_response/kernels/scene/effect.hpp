@@ -1,4 +1,5 @@
-// What impulses do to the bodies and the contacts of a cluster: ImpulseEffect of scene/cluster_result.py.
+// What impulses do to the bodies and the contacts of a cluster, and the error bound of that: ImpulseEffect of
+// scene/cluster_result.py.
 #pragma once
 #include "friction.hpp"
 

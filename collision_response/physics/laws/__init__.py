@@ -24,7 +24,7 @@ from .moreau import moreau
 from .routh import routh
 from .routh_by_speed import routh_by_speed
 
-LAWS = {  # cheapest first
+LAWS = {
     Law.FRICTIONLESS: frictionless,
     Law.COULOMB: chatterjee_ruina,
     Law.MOREAU: moreau,
