@@ -150,11 +150,11 @@ class ImpactNumbers(NamedTuple):
         return self._replace(changes=changes, report=report)
 
 
-DEFAULT = Settings()
+DEFAULT_SETTINGS = Settings()
 
 
 def impact(
-    body_a: Body, body_b: Body, contact: Contact, law: Law, settings: Settings = DEFAULT
+    body_a: Body, body_b: Body, contact: Contact, law: Law, settings: Settings = DEFAULT_SETTINGS
 ) -> ImpactNumbers:
     """Compute the impact of two bodies by a law, for any number type.
 
@@ -172,8 +172,9 @@ def impact(
     result = evaluate_law(kinematics, Coefficients(contact.restitution, friction, settings), law)
     approaching, below_threshold, e, outcome, impulse = result
 
-    change_a, change_b = kinematics.twist_changes(impulse)
-    if outcome.normal_factor is not None:
+    if outcome.normal_factor is None:
+        change_a, change_b = kinematics.twist_changes(impulse)
+    else:
         j = result.if_approaching(outcome.normal_factor)
         change_a, change_b = kinematics.twist_changes_along_normal(impulse, j)
     after_a, after_b = with_change(body_a, change_a), with_change(body_b, change_b)

@@ -10,7 +10,17 @@ import numpy as np
 import pytest
 from refusals import refused
 
-from collision_response import Body, Contact, ImpactModel, Law, StatusCode, resolve, resolve_scene
+from collision_response import (
+    Body,
+    Contact,
+    ImpactError,
+    ImpactModel,
+    Law,
+    Precision,
+    StatusCode,
+    resolve,
+    resolve_scene,
+)
 from collision_response.numbers.operations import square_root
 
 FLOOR = Body.static()
@@ -200,3 +210,28 @@ def test_repeated_contacts_share_the_impulse_exactly():
     turned = CORNER._replace(normal=(0, 0, -1))
     scene = resolve_scene([BOX, FLOOR], [(0, 1), (0, 1), (1, 0)], [CORNER, CORNER, turned])
     assert [impulse.z for impulse in scene.impulses] == [F(3, 10), F(3, 10), F(-3, 10)]
+
+
+@pytest.mark.parametrize("power", [100, 154, 155, 200, 400])
+def test_a_wall_may_move_at_any_speed(power):
+    """Its kinetic energy counts as 0; that of infinite mass is not computed."""
+    speed = F(10) ** power
+    ball, wall = Body.dynamic(F(1), velocity=(0, 0, F(-1))), Body.kinematic(velocity=(0, 0, speed))
+    impact = resolve(ball, wall, Contact.of((0, 0, 0), (0, 0, F(1)), F(1, 2)))
+    assert impact.twist_a.linear.z == -1 + F(3, 2) * (1 + speed)
+    assert impact.kinetic_energy_before == F(1, 2)
+
+
+@pytest.mark.parametrize("law", Law)
+@pytest.mark.parametrize("power", [100, 150, 154, 155, 200, 300])
+def test_a_wall_of_any_speed_is_answered_in_floats_or_refused(law, power):
+    ball, wall = Body.dynamic(1.0), Body.kinematic(velocity=(0.0, 0.0, 10.0**power))
+    contact = Contact.of((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.5, 0.3)
+    for precision in Precision:
+        try:
+            impact = resolve(ball, wall, contact, ImpactModel(law, precision=precision))
+        except ImpactError as error:
+            assert error.code is StatusCode.OUT_OF_RANGE
+            assert power > 150 or precision is Precision.SINGLE
+        else:
+            assert impact.twist_a.linear.z == pytest.approx(1.5 * 10.0**power, rel=1e-6)

@@ -54,7 +54,7 @@ PyObject* fields_of(const ImpulseEffect& effect, const Cluster& cluster) {
 // resolve(law, threshold, (stiffness, exponent, tolerance, work), decided): the fields of a ClusterResult of
 // scene/cluster_result.py. The stiffness is a list, or None. `decided` is None, or the fields of a Decided of
 // scene/in_kernels.py.
-PyObject* get_result(PyObject* self, PyObject* args) {
+PyObject* resolve_by_law(PyObject* self, PyObject* args) {
   ClusterOptions options{};
   PyObject *stiffness, *given;
   if (!PyArg_ParseTuple(args, "id(Oddl)O", &options.law, &options.threshold, &stiffness, &options.springs.exponent,
@@ -73,7 +73,7 @@ PyObject* get_result(PyObject* self, PyObject* args) {
       return nullptr;
     for (double x : p) normal.normal.push_back({x, 0});
     normal.no_rebound = no_rebound;
-    if (p.size() == cluster.assembly.contacts.size()) {
+    if (!p.empty()) {
       normal.error += cluster.assembly.velocity_size(normal.normal.data()) * 0x1p-53;  // the impulses were rounded
       decided.normal = &normal;
     }
@@ -106,7 +106,7 @@ PyObject* get_approach_is_uncertain(PyObject* self, void*) {
   return PyBool_FromLong(assembly_of(self).approach_is_uncertain());
 }
 
-PyMethodDef methods[] = {METHOD("resolve", get_result, METH_VARARGS),
+PyMethodDef methods[] = {METHOD("resolve", resolve_by_law, METH_VARARGS),
                          METHOD("normal_velocities", normal_velocities, METH_NOARGS),
                          METHOD("contradictory_contacts", find_contradictory_contacts, METH_NOARGS),
                          {}};

@@ -12,7 +12,7 @@ from ..physics.body import Twist
 from ..physics.contact import Contact
 from ..physics.laws import Regime
 from ..physics.vector import Vec3
-from .clusters import DistinctContacts
+from .find_clusters import DistinctContacts
 from .request import SceneRequest
 
 

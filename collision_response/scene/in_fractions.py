@@ -18,7 +18,7 @@ from ..physics.contact import Contact
 from ..physics.laws import Law
 from ..physics.vector import Vec3
 from ..status import StatusCode
-from .cluster import ClusterParts
+from .assemble import ClusterParts
 from .cluster_result import ClusterResult
 from .in_kernels import NOTHING_DECIDED, Decided, resolve_in_kernels
 from .rational_cluster import RationalCluster, RationalImpulses

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from ..kernels import library, protocol
 from ..physics.laws import Law
-from .cluster import ClusterParts
+from .assemble import ClusterParts
 from .cluster_result import ClusterResult, ImpulseEffect
 from .request import SceneOptions
 

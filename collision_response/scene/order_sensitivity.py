@@ -19,7 +19,7 @@ from ..physics.contact import Contact
 from ..physics.vector import Vec3
 from ..resolve import resolve
 from ..status import StatusCode
-from .clusters import Pair
+from .find_clusters import Pair
 from .request import ContactIndices, with_scene_names
 
 SWEEPS = 1000

@@ -16,7 +16,7 @@ from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Law
 from ..status import POSITIVE, ImpactError, StatusCode, format_value, renamed
-from .clusters import Pair
+from .find_clusters import Pair
 
 T = TypeVar("T")
 

@@ -11,10 +11,10 @@ from ..kernels import library
 from ..model import Adjustment, Geometry, ImpactModel, Precision
 from ..physics.laws import Law
 from ..status import ImpactError, StatusCode
-from .cluster import ClusterParts, assemble
+from .assemble import ClusterParts, assemble
 from .cluster_answer import ClusterAnswer
 from .cluster_result import ClusterResult
-from .clusters import DistinctContacts
+from .find_clusters import DistinctContacts
 from .in_fractions import decide, resolve_in_fractions
 from .in_kernels import resolve_in_kernels
 from .rational_cluster import RationalCluster
@@ -34,7 +34,7 @@ def resolve_cluster(scene: SceneRequest, distinct: DistinctContacts, options: Sc
     """
     model, law = options.model, options.law
     _check_model(scene, distinct.indices, model, law)
-    cluster, parts, bodies, below_restitution_threshold = assemble(scene, distinct, options)
+    cluster, parts, below_restitution_threshold = assemble(scene, distinct, options)
     if model.geometry in (Geometry.POINT, Geometry.PLANAR):
         _check_geometry(parts, model.geometry)
     has_friction = (
@@ -56,7 +56,7 @@ def resolve_cluster(scene: SceneRequest, distinct: DistinctContacts, options: Sc
         contacts = [c if c.restitution == e else c._replace(restitution=e) for c in contacts]
     in_doubles = has_friction or law is Law.ROUTH_STRONGE
     return ClusterAnswer(
-        bodies=[body for body in bodies if scene.movable[body]],
+        bodies=[body for body in parts.body_indices if scene.movable[body]],
         changes=effect.changes,
         twists=effect.twists,
         contacts=contacts,

@@ -22,7 +22,7 @@ from ..resolve import resolve
 from ..status import ImpactError, StatusCode
 from .answer import SceneImpact
 from .cluster_answer import ClusterAnswer, split_among_copies
-from .clusters import Pair, distinct_contacts, find_clusters
+from .find_clusters import Pair, distinct_contacts, find_clusters
 from .order_sensitivity import order_sensitivity
 from .reflections import THRESHOLD
 from .request import (
@@ -35,6 +35,9 @@ from .request import (
 )
 from .resolve_cluster import resolve_cluster
 
+HERTZ = 1.5
+"""The exponent of the force between two curved bodies, by Hertz."""
+
 
 def resolve_scene(
     bodies: Sequence[Body],
@@ -44,7 +47,7 @@ def resolve_scene(
     *,
     threshold: Scalar = THRESHOLD,
     stiffness: Iterable[float] | None = None,
-    exponent: float = 1.5,
+    exponent: float = HERTZ,
     orders: int = 0,
 ) -> SceneImpact:
     """Compute the twists of bodies after several contacts strike at once.
@@ -88,7 +91,7 @@ def resolve_scene(
         and isinstance(exponent, float)
         and type(orders) is int
     )
-    if has_usual_types and 0 <= threshold < 1 and exponent == 1.5 and orders == 0:
+    if has_usual_types and 0 <= threshold < 1 and exponent == HERTZ and orders == 0:
         fields = library.resolve_scene(bodies, pairs, contacts, model, threshold)
         if fields is not None:
             return SceneImpact._make(fields)

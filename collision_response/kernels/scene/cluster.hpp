@@ -147,8 +147,8 @@ inline int adjustments_of(const Cluster& cluster, const ClusterResult& result) {
 }
 
 // Compute what impulses do, and whether that is an answer.
-inline void report(const Assembly& assembly, const ClusterImpulses& impulses, bool sticks_by_slip,
-                   ClusterResult& result) {
+inline void apply(const Assembly& assembly, const ClusterImpulses& impulses, bool sticks_by_slip,
+                  ClusterResult& result) {
   result.effect = effect_of(assembly, impulses, sticks_by_slip);
   result.code = !result.effect.is_finite()    ? STATUS_OUT_OF_RANGE
                 : result.effect.is_unphysical ? STATUS_INTERNAL_ERROR
@@ -168,7 +168,7 @@ inline void resolve_by_springs(const Assembly& assembly, const SpringOptions& op
                                ClusterResult& result) {
   auto separates = [](const AssembledContact& contact) { return contact.axes[0].velocity >= 0; };
   if (std::all_of(assembly.contacts.begin(), assembly.contacts.end(), separates))
-    return report(assembly, {true, std::vector<DD>(assembly.count)}, true, result);
+    return apply(assembly, {true, std::vector<DD>(assembly.count)}, true, result);
   for (int i = 0; i < assembly.count; ++i)
     if (assembly.contacts[i].e < LEAST_SPRING_RESTITUTION &&
         (result.faulty < 0 || assembly.contacts[i].e < assembly.contacts[result.faulty].e))
@@ -178,7 +178,7 @@ inline void resolve_by_springs(const Assembly& assembly, const SpringOptions& op
   if (path.fault) return refuse_path(path.fault, result);
   const double rounding = effect_of(assembly, path.impulses, true).error_bound;
   path.impulses.error = path.error * assembly.velocity_size(path.impulses.normal.data());
-  report(assembly, path.impulses, true, result);
+  apply(assembly, path.impulses, true, result);
   result.effect.error_bound = path.error + rounding;
   double* energies = result.effect.energies;
   energies[2] += energies[3] - path.friction_loss;
@@ -226,7 +226,7 @@ inline ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& opt
   }
   if (options.law == LAW_MOREAU && !decided.normal) {
     const ClusterImpulses impulses = moreau(assembly, has_friction);
-    if (impulses.are_found) report(assembly, impulses, false, result);
+    if (impulses.are_found) apply(assembly, impulses, false, result);
     if (result.code != UNDECIDED && !result.effect.creates_energy) return result;
     result.fell_back = true;
   }
@@ -238,7 +238,7 @@ inline ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& opt
   } else if (impulses.error == INFINITY && !decided.is_final) {
     result.code = UNDECIDED;
   } else {
-    report(assembly, has_friction ? least_work_friction(assembly, impulses) : impulses, false, result);
+    apply(assembly, has_friction ? least_work_friction(assembly, impulses) : impulses, false, result);
   }
   return result;
 }

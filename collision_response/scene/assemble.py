@@ -15,7 +15,7 @@ from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Law
 from ..status import ImpactError, StatusCode
-from .clusters import DistinctContacts, Pair
+from .find_clusters import DistinctContacts, Pair
 from .rational_cluster import RationalCluster
 from .request import ContactIndices, SceneOptions, SceneRequest, as_floats, check_contact, with_scene_names
 
@@ -33,6 +33,7 @@ class ClusterParts(NamedTuple):
         contacts: without copies. All numbers of bodies and contacts are of one type.
         counts: how often each contact is given.
         indices: scene index of each contact.
+        body_indices: scene index of each body.
     """
 
     bodies: list[Body]
@@ -40,6 +41,7 @@ class ClusterParts(NamedTuple):
     contacts: list[Contact]
     counts: list[int]
     indices: list[int]
+    body_indices: list[int]
 
     def select(self, places: Sequence[int]) -> ClusterParts:
         """Return the parts with only some of the contacts."""
@@ -49,18 +51,26 @@ class ClusterParts(NamedTuple):
             [self.contacts[i] for i in places],
             [self.counts[i] for i in places],
             [self.indices[i] for i in places],
+            self.body_indices,
         )
 
 
-def assemble(
-    scene: SceneRequest, distinct: DistinctContacts, options: SceneOptions
-) -> tuple[AnyCluster, ClusterParts, list[int], bool]:
-    """Return the cluster of some contacts of a scene, as laws are applied to it.
+class AssembledCluster(NamedTuple):
+    """A cluster that laws can be applied to.
 
-    Returns:
-        The cluster; its bodies and contacts, with the numbers that are used: every coefficient is a number;
-        the scene indices of these bodies; and whether an approach was so slow that its restitution was taken
-        as 0.
+    Attributes:
+        cluster: the cluster.
+        parts: its bodies and contacts, with the numbers that are used: every coefficient is a number.
+        below_restitution_threshold: whether an approach is so slow that its restitution is taken as 0.
+    """
+
+    cluster: AnyCluster
+    parts: ClusterParts
+    below_restitution_threshold: bool
+
+
+def assemble(scene: SceneRequest, distinct: DistinctContacts, options: SceneOptions) -> AssembledCluster:
+    """Return the cluster of some contacts of a scene.
 
     Raises:
         ImpactError: if a body or a contact is invalid; ``field`` names it.
@@ -73,9 +83,8 @@ def assemble(
         pairs.append((places.setdefault(a, len(places)), places.setdefault(b, len(places))))
     contacts = [_with_friction_as_number(scene, i, options.law) for i in distinct.indices]
     bodies = [scene.bodies[body] for body in places]
-    parts = ClusterParts(bodies, pairs, contacts, distinct.counts, distinct.indices)
-    cluster, parts, is_slow = _assemble_with_restitution(scene, parts, options)
-    return cluster, parts, list(places), is_slow
+    parts = ClusterParts(bodies, pairs, contacts, distinct.counts, distinct.indices, list(places))
+    return _with_restitution(scene, parts, options)
 
 
 def _with_friction_as_number(scene: SceneRequest, i: int, law: Law) -> Contact:
@@ -94,10 +103,8 @@ def _with_friction_as_number(scene: SceneRequest, i: int, law: Law) -> Contact:
     return contact._replace(friction=with_scene_names(ContactIndices(i, a, b), initial_friction, *given))
 
 
-def _assemble_with_restitution(
-    scene: SceneRequest, parts: ClusterParts, options: SceneOptions
-) -> tuple[AnyCluster, ClusterParts, bool]:
-    """Return the cluster, its parts with numbers for restitution, and whether a speed is below the threshold.
+def _with_restitution(scene: SceneRequest, parts: ClusterParts, options: SceneOptions) -> AssembledCluster:
+    """Return the cluster with numbers for restitution.
 
     Restitution that is a function of the approach speed, or subject to the restitution threshold, needs the
     speeds: then the cluster is assembled a second time, with the restitution that they give.
@@ -107,9 +114,9 @@ def _assemble_with_restitution(
     if has_function:
         numbers = [c._replace(restitution=1.0) if callable(c.restitution) else c for c in given]
         parts = parts._replace(contacts=numbers)
-    cluster, parts = _assemble(scene, parts, options.exact)
+    cluster, parts = _in_numbers(scene, parts, options.exact)
     if not (has_function or threshold):
-        return cluster, parts, False
+        return AssembledCluster(cluster, parts, False)
     speeds = [-u for u in cluster.normal_velocities()]
     fastest, is_slow, contacts = max(0.0, *speeds), False, []
     for original, contact, speed, i in zip(given, parts.contacts, speeds, parts.indices, strict=True):
@@ -119,11 +126,11 @@ def _assemble_with_restitution(
         if 0 < speed < threshold and e > 0:
             e, is_slow = e * 0, True
         contacts.append(contact._replace(restitution=Fraction(e) if options.exact else float(e)))
-    cluster, parts = _assemble(scene, parts._replace(contacts=contacts), options.exact)
-    return cluster, parts, is_slow
+    cluster, parts = _in_numbers(scene, parts._replace(contacts=contacts), options.exact)
+    return AssembledCluster(cluster, parts, is_slow)
 
 
-def _assemble(scene: SceneRequest, parts: ClusterParts, exact: bool) -> tuple[AnyCluster, ClusterParts]:
+def _in_numbers(scene: SceneRequest, parts: ClusterParts, exact: bool) -> tuple[AnyCluster, ClusterParts]:
     """Return the cluster, and its parts in the numbers that it uses.
 
     ``library.assemble`` returns ``None`` if a number is not a float, and ``False`` if a contact is invalid.
