@@ -212,7 +212,7 @@ def test_repeated_contacts_share_the_impulse_exactly():
     assert [impulse.z for impulse in scene.impulses] == [F(3, 10), F(3, 10), F(-3, 10)]
 
 
-@pytest.mark.parametrize("power", [100, 154, 155, 200, 400])
+@pytest.mark.parametrize("power", [100, 154, 155, 200, 300])
 def test_a_wall_may_move_at_any_speed(power):
     """Its kinetic energy counts as 0; that of infinite mass is not computed."""
     speed = F(10) ** power
