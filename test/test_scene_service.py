@@ -344,8 +344,10 @@ def test_a_scene_is_recorded(graph, tmp_path):
     verify(path)
     ((_, _, points),) = read(path, "/world/contact", "Points3D:positions")
     assert [tuple(point) for point in points] == CORNERS
-    ((_, _, arrows),) = read(path, "/world/contact", "Arrows3D:vectors")
-    assert len(arrows) == 8
+    ((_, _, normals),) = read(path, "/world/contact", "Arrows3D:vectors")
+    assert len({tuple(normal) for normal in normals}) == 1 and len(normals) == 4
+    ((_, _, labels),) = read(path, "/world/impulse", "Arrows3D:labels")
+    assert labels == [f"{math.hypot(*xyz(impulse)):.3g} N s" for impulse in result.impulses]
     ((_, _, energies),) = read(path, "/impact/kinetic_energy", "Scalars:scalars")
     assert energies == [result.kinetic_energy_before, result.kinetic_energy_after]
     told = [words for _, _, (words,) in read(path, "/log", "TextLog:text")]

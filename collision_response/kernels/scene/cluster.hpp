@@ -3,6 +3,8 @@
 #include <array>
 
 #include "../contact_pairs.hpp"
+#include "coulomb.hpp"
+#include "moreau.hpp"
 #include "reflections.hpp"
 #include "stronge.hpp"
 #include "validity_everything.hpp"
@@ -183,17 +185,6 @@ inline void resolve_by_springs(const Assembly& assembly, const SpringOptions& op
   double* energies = result.effect.energies;
   energies[2] += energies[3] - path.friction_loss;
   energies[3] = path.friction_loss;
-}
-
-// MOREAU: friction.hpp derives it. Without friction, in double-double.
-inline ClusterImpulses moreau(const Assembly& assembly, bool has_friction) {
-  if (has_friction) return moreau_with_friction(assembly);
-  auto separates = [](const AssembledContact& contact) { return high(contact.velocity) >= 0; };
-  if (std::all_of(assembly.contacts.begin(), assembly.contacts.end(), separates))
-    return {true, std::vector<DD>(assembly.count)};
-  if (assembly.is_locked) return {false};
-  Projection found = project_to_rebound(assembly);
-  return {found.status == MinimumStatus::FOUND, found.q, found.error};
 }
 
 // Apply a law, with its fallbacks:

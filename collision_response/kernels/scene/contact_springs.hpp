@@ -8,7 +8,7 @@
 #pragma once
 #include <numeric>
 
-#include "friction.hpp"
+#include "motion.hpp"
 
 struct ContactSprings {
   Assembly assembly;  // in units near its speed and mass, powers of two: no square overflows or underflows

@@ -1,7 +1,10 @@
 // What impulses do to the bodies and the contacts of a cluster, and the error bound of that: ImpulseEffect of
 // scene/cluster_result.py.
 #pragma once
-#include "friction.hpp"
+#include "contact_cones.hpp"
+#include "impulses.hpp"
+#include "least_norm.hpp"
+#include "motion.hpp"
 
 using Regime = unsigned char;
 

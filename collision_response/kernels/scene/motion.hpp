@@ -1,0 +1,49 @@
+// Motions that impulses along the axes of contacts cause, in plain doubles.
+#pragma once
+#include "assembly.hpp"
+
+// A motion of the movable bodies: their twists have changed by L y.
+struct Motion {
+  const Assembly* assembly;
+  Vector y;
+  explicit Motion(const Assembly& assembly) : assembly(&assembly), y(6 * static_cast<size_t>(assembly.body_count)) {}
+
+  void apply(int i, const Axes& by) {
+    const AssembledContact& contact = assembly->contacts[i];
+    for (int side = 0; side < 2; ++side)
+      if (contact.body[side] >= 0) {
+        double* of = &y[6 * contact.body[side]];
+        for (int axis = 0; axis < 3; ++axis)
+          for (int k = 0; k < 6; ++k) of[k] += contact.axes[axis].row[side][k] * by[axis];
+      }
+  }
+  double velocity(int i, int axis) const {
+    const AssembledContact& contact = assembly->contacts[i];
+    double sum = contact.axes[axis].velocity;
+    for (int side = 0; side < 2; ++side)
+      if (contact.body[side] >= 0)
+        for (int k = 0; k < 6; ++k) sum += contact.axes[axis].row[side][k] * y[6 * contact.body[side] + k];
+    return sum;
+  }
+  double speed(int i) const { return std::hypot(velocity(i, 0), velocity(i, 1), velocity(i, 2)); }
+  // A bound on the terms that the change of the normal velocity of a contact is the sum of.
+  double size_at(int i) const {
+    double sum = 0;
+    for (int side = 0; side < 2; ++side)
+      for (int k = 0; assembly->contacts[i].body[side] >= 0 && k < 6; ++k)
+        sum += std::fabs(assembly->contacts[i].axes[0].row[side][k] * y[6 * assembly->contacts[i].body[side] + k]);
+    return sum;
+  }
+  Axes velocity(int i) const { return {velocity(i, 0), velocity(i, 1), velocity(i, 2)}; }
+};
+
+// The velocity of contact i along its axis a by a unit impulse on contact j along its axis b.
+inline double coupling(const Assembly& assembly, int i, int a, int j, int b) {
+  const AssembledContact &one = assembly.contacts[i], &other = assembly.contacts[j];
+  double sum = 0;
+  for (int s = 0; s < 2; ++s)
+    for (int t = 0; t < 2; ++t)
+      if (one.body[s] >= 0 && one.body[s] == other.body[t])
+        for (int k = 0; k < 6; ++k) sum += one.axes[a].row[s][k] * other.axes[b].row[t][k];
+  return sum;
+}
