@@ -113,5 +113,6 @@ def opposites(seed: int) -> Scene:
 
 @pytest.mark.parametrize("first", [*range(150, 450, 50), *range(650, 850, 50), *range(900, 1100, 50)])
 def test_opposite_magnitudes(first):
+    """Left out are ranges with a seed that has a larger bound, or that the order decides: 512, 2500, 2856."""
     for seed in range(first, first + 50):
         assert_small_bound_in_any_order(opposites(seed))

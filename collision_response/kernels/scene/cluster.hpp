@@ -175,7 +175,7 @@ inline void resolve_by_springs(const Assembly& assembly, const SpringOptions& op
     if (assembly.contacts[i].e < LEAST_SPRING_RESTITUTION &&
         (result.faulty < 0 || assembly.contacts[i].e < assembly.contacts[result.faulty].e))
       result.faulty = i;
-  if (result.faulty >= 0) return refuse_path("must be at least 0.05 for ROUTH_STRONGE in a cluster", result);
+  if (result.faulty >= 0) return refuse_path(TOO_INELASTIC, result);
   SpringPath path = follow_springs(assembly, options, has_friction);
   if (path.fault) return refuse_path(path.fault, result);
   const double rounding = effect_of(assembly, path.impulses, true).error_bound;

@@ -240,14 +240,14 @@ class Cones {
       increase(x, 1, step);
     }
     R value = evaluate(x, false);
-    double off = norm(gradient), enough = (1e-14 + 2e-16 * rho) * (is_scalar<R> ? 1 : 0x1p-44 * fastest);
+    double off = norm(gradient), small = (1e-14 + 2e-16 * rho) * (is_scalar<R> ? 1 : 0x1p-44 * fastest);
     double least = INFINITY;
     int tries = 0;
-    for (int turn = 0; turn < budget && off > enough; ++turn) {
+    for (int turn = 0; turn < budget && off > small; ++turn) {
       newton();
       const R slope = dot(gradient, step);
       const double old = off;
-      const bool is_near = off < 1e4 * enough;  // rounding may hide what the value gains
+      const bool is_near = off < 1e4 * small;  // rounding may hide what the value gains
       if (off < least) {
         least = off;
         best = x;
@@ -268,7 +268,7 @@ class Cones {
       x = trial;
       value = now;
     }
-    return off <= 1e6 * enough;
+    return off <= 1e6 * small;
   }
 
   // A last Newton step, which changes P instead of computing it anew, with the rounding of rho (w + B eta).

@@ -29,6 +29,7 @@
 
 // Below this restitution a path takes too many compressions to end.
 constexpr double LEAST_SPRING_RESTITUTION = 0.05;
+constexpr const char* TOO_INELASTIC = "must be at least 0.05 for ROUTH_STRONGE in a cluster";
 
 struct SpringOptions {
   Vector stiffness{};  // of each contact, in any unit; empty: all are equal
