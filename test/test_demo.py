@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import pytest
@@ -112,6 +114,20 @@ def test_a_recording_that_cannot_be_replaced_or_read_is_a_problem_like_others(
     first, second = (line for line in capsys.readouterr().out.splitlines() if line.startswith("FAILED: "))
     assert first == "FAILED: another problem"
     assert "recordings/demo.rrd" in second
+
+
+def test_it_finds_no_problem_and_records_no_refusal(tmp_path):
+    """A state that a request needs is there before the request: nobody takes an answer for a fault."""
+    pytest.importorskip("rclpy"), pytest.importorskip("rerun")
+    from collision_response.recording import scenes, table
+
+    command = [sys.executable, "-m", "collision_response.demo"]
+    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+    assert (run.returncode, run.stderr) == (0, ""), run.stdout
+    path = tmp_path / "recordings" / "demo.rrd"
+    impacts, refusals = table.divide(table.read([path]))
+    assert len(impacts) > 100 and len(scenes.read([path])) == 5
+    assert len(refusals) == 0
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.MOREAU, Law.ROUTH_STRONGE])

@@ -15,7 +15,7 @@ from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.energy import kinetic_energy
 from ..physics.vector import Vec3
-from .messages import twist_of
+from ..ros.convert import twist_of
 from .scene import FRAMES, Collision, EnergyBalance, Resolve, Show
 from .time_of_impact import until_spheres_touch
 

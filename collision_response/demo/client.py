@@ -4,45 +4,37 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
-from functools import partial
-from typing import Any, NamedTuple
+from operator import attrgetter
+from typing import Any
 
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
+from rclpy.time import Time
+from std_msgs.msg import Header
 
-from ..msg import BodyState, CollisionResult, SceneResult, Status
+from ..msg import BodyState, CollisionResult, SceneResult
 from ..srv import ResolveCollision, ResolveScene
 
-SERVICE_QOS = QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE)
+KEEP_ALL = QoSProfile(history=HistoryPolicy.KEEP_ALL)
 """With a limited history, some of many simultaneous calls would never be answered."""
 
-STATE_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
-
-RESULT_QOS = QoSProfile(
-    depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
-)
-"""TRANSIENT_LOCAL: results from before this subscription existed are delivered too."""
+RESULT_QOS = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""Results from before the subscription existed are delivered, too."""
 
 DEADLINE = 15.0
 """Longest time to wait for anything [s]."""
 
-HEAD_START = 0.05
-"""Time given to published states to arrive at the node before the next request [s]."""
+
+def header_at(nanoseconds: int) -> Header:
+    """Header of a time [ns], in the frame of the demo."""
+    return Header(stamp=Time(nanoseconds=nanoseconds).to_msg(), frame_id="world")
 
 
 class NoAnswer(Exception):
     """The service refused a request, or did not answer."""
-
-
-class Channel(NamedTuple):
-    """The client of a service, its answers, refusals included, and the messages on the topic of results."""
-
-    service: Any
-    answers: list[Any]
-    results: list[Any]
 
 
 class Client:
@@ -58,13 +50,16 @@ class Client:
         self._node = Node("demo", context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
-        self._states = self._node.create_publisher(BodyState, "body_states", STATE_QOS)
-        self._channels = {
-            ResolveCollision.Request: self._channel(
-                ResolveCollision, "resolve_collision", CollisionResult, "result"
-            ),
-            ResolveScene.Request: self._channel(ResolveScene, "resolve_scene", SceneResult, "scene_result"),
+        self._states = self._node.create_publisher(BodyState, "body_states", KEEP_ALL)
+        self._services: dict[type, Any] = {
+            kind.Request: self._node.create_client(kind, f"collision_response/{name}", qos_profile=KEEP_ALL)
+            for kind, name in ((ResolveCollision, "resolve_collision"), (ResolveScene, "resolve_scene"))
         }
+        self.answers: list[Any] = []
+        self._results: list[Any] = []
+        for kind, topic in ((CollisionResult, "result"), (SceneResult, "scene_result")):
+            name = f"collision_response/{topic}"
+            self._node.create_subscription(kind, name, self._results.append, RESULT_QOS)
 
     def __enter__(self) -> Client:
         return self
@@ -76,8 +71,8 @@ class Client:
 
     def wait_for_node(self) -> None:
         """Wait until the services exist and the node subscribes to body states."""
-        for channel in self._channels.values():
-            self._until(channel.service.service_is_ready, "no service")
+        for service in self._services.values():
+            self._until(service.service_is_ready, "no service")
         self._until(self._states.get_subscription_count, "nobody subscribes to body_states")
 
     def now(self) -> int:
@@ -89,59 +84,21 @@ class Client:
         for state in states:
             self._states.publish(state)
 
-    def call(self, request: Any, *named: BodyState) -> Any:
-        """Call either service and return its result.
-
-        ``named`` are the states of bodies that the request gives by name only. A request may overtake a
-        state, so they are published again until the node knows them.
-        """
-        channel = self._channels[type(request)]
-        deadline = time.monotonic() + DEADLINE
-        status = Status(code=Status.UNKNOWN_BODY)
-        while status.code == Status.UNKNOWN_BODY and time.monotonic() < deadline:
-            future = channel.service.call_async(request)
-            self._until(future.done, "no answer")
-            response = future.result()
-            channel.answers.append(response.result)
-            if response.success:
-                return response.result
+    def call(self, request: Any) -> Any:
+        """Call the service of a request and return its result."""
+        future = self._services[type(request)].call_async(request)
+        self._until(future.done, "no answer")
+        response = future.result()
+        self.answers.append(response.result)
+        if not response.success:
             status = response.result.status
-            if not named:
-                break
-            self.publish(named)
-            time.sleep(HEAD_START)
-        raise NoAnswer(f"status {status.code}: {status.message}")
-
-    def call_all(self, requests: Iterable[ResolveCollision.Request]) -> list[CollisionResult]:
-        """Send many requests at once and return their results."""
-        service = self._channels[ResolveCollision.Request].service
-        futures = [service.call_async(request) for request in requests]
-        for future in futures:
-            self._until(future.done, "not all answers")
-        for answer in (future.result() for future in futures):
-            if not answer.success:
-                raise NoAnswer(f"status {answer.result.status.code}: {answer.result.status.message}")
-        return [future.result().result for future in futures]
-
-    def answers(self) -> list[Any]:
-        """All answers of :meth:`call`, refusals included."""
-        return [answer for channel in self._channels.values() for answer in channel.answers]
+            raise NoAnswer(f"status {status.code}: {status.message}")
+        return response.result
 
     def topics_agree(self) -> bool:
         """Whether the result topics delivered exactly the answers of the services."""
-        for channel in self._channels.values():
-            self._until(partial(_is_complete, channel), "too few results on the topic")
-        return all(channel.results == channel.answers for channel in self._channels.values())
-
-    def _channel(self, service_type: Any, service: str, result_type: Any, topic: str) -> Channel:
-        client: Any = self._node.create_client(
-            service_type, f"collision_response/{service}", qos_profile=SERVICE_QOS
-        )
-        channel = Channel(client, [], [])
-        self._node.create_subscription(
-            result_type, f"collision_response/{topic}", channel.results.append, RESULT_QOS
-        )
-        return channel
+        self._until(lambda: len(self._results) >= len(self.answers), "too few results on the topics")
+        return sorted(self._results, key=attrgetter("sequence")) == self.answers
 
     def _until(self, condition: Callable[[], Any], complaint: str) -> None:
         deadline = time.monotonic() + DEADLINE
@@ -150,7 +107,3 @@ class Client:
             if time.monotonic() > deadline:
                 raise NoAnswer(f"{complaint} within {DEADLINE:g} s")
             self._executor.spin_once(timeout_sec=0.02)
-
-
-def _is_complete(channel: Channel) -> bool:
-    return len(channel.results) >= len(channel.answers)

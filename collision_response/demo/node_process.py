@@ -16,6 +16,13 @@ SHUTDOWN_TIME = 30.0
 
 On a busy machine, rerun alone may take many seconds to load."""
 
+PARAMETERS = {
+    "shutdown_timeout": SHUTDOWN_TIME,
+    "max_state_wait": 10.0,
+    "qos_overrides./body_states.subscription.reliability": "reliable",
+}
+"""Published states arrive before the requests that give bodies by name, also on a busy machine."""
+
 PATIENCE = SHUTDOWN_TIME + 10.0
 """Longest time for the node to end [s]."""
 
@@ -28,7 +35,7 @@ class NodeProcess:
     """A running node. It starts on construction and is always ended, by SIGINT, when the context is left."""
 
     def __init__(self, parameters: dict[str, Any]) -> None:
-        parameters = {"shutdown_timeout": SHUTDOWN_TIME, **parameters}
+        parameters = {**PARAMETERS, **parameters}
         arguments = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
         self._output = tempfile.TemporaryFile("w+")  # noqa: SIM115, closed with the process
         # In its own session, so that Ctrl-C reaches only the demo, which then ends the node properly.

@@ -16,8 +16,8 @@ from ..model import ENUMERATIONS
 from ..scene.answer import NUMBERS
 from . import table
 from .record import SceneRecord
-from .rerun_sdk import pa, rr
-from .table import ARCHETYPE, changed_columns, contact_of, model_of, numbers_of_contact
+from .rerun_sdk import pa
+from .table import changed_columns, columns_of, contact_of, model_of, numbers_of_contact
 
 TABLE = "/scenes"
 
@@ -38,10 +38,7 @@ CONTACT_SIZE = 9
 
 def scene_columns(rows: Sequence[SceneRecord]) -> Any:
     """Columns of the table for some scenes."""
-    dicts = [_answer_of(row.impact) | _request_of(row) for row in rows]
-    return rr.DynamicArchetype.columns(
-        archetype=ARCHETYPE, components={name: pa.array([one[name] for one in dicts]) for name in dicts[0]}
-    )
+    return columns_of([_answer_of(row.impact) | _request_of(row) for row in rows], COLUMNS)
 
 
 def read(paths: Iterable[Path | str]) -> pa.Table:

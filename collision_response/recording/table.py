@@ -99,28 +99,27 @@ def impact_columns(rows: Sequence[Record]) -> Any:
     """Columns of the table for some impacts."""
     dicts = [answer_of(row) | _request_of(row) | {"duration": row.duration} for row in rows]
     if any(body.inverse_inertia for row in rows for body in (row.body_a, row.body_b)):
-        for values, row in zip(dicts, rows, strict=True):
-            values |= _inverse_inertias_of(row)
-    return _columns({name: [values[name] for values in dicts] for name in dicts[0]})
+        dicts = [one | _inverse_inertias_of(row) for one, row in zip(dicts, rows, strict=True)]
+    return columns_of(dicts, ANSWER | OPTIONAL)
 
 
 def refusal_columns(rows: Sequence[Refusal]) -> Any:
     """Columns of the table for some refusals."""
     parts = [row.reason.partition(": ") for row in rows]
-    return _columns({"status": [code for code, _, _ in parts], "message": [text for _, _, text in parts]})
+    return columns_of([{"status": code, "message": text} for code, _, text in parts], REFUSAL)
 
 
-def _columns(table: dict[str, list[Any]]) -> Any:
-    return rr.DynamicArchetype.columns(
-        archetype=ARCHETYPE, components={name: _array(values) for name, values in table.items()}
-    )
+def columns_of(rows: Sequence[dict[str, Any]], kinds: Columns) -> Any:
+    """Columns for rerun of rows that have the same fields."""
+    arrays = {name: _array([row[name] for row in rows], kinds[name]) for name in rows[0]}
+    return rr.DynamicArchetype.columns(archetype=ARCHETYPE, components=arrays)
 
 
-def _array(values: list[Any]) -> pa.Array:
-    if isinstance(values[0], list):
-        flat = np.array(values, np.float64)
-        return pa.FixedSizeListArray.from_arrays(pa.array(flat.ravel()), flat.shape[1])
-    return pa.array(values)
+def _array(values: list[Any], kind: str | int) -> pa.Array:
+    if not isinstance(kind, int):
+        return pa.array(values)
+    flat = np.array(values, np.float64)
+    return pa.FixedSizeListArray.from_arrays(pa.array(flat.ravel()), flat.shape[1])
 
 
 def read(

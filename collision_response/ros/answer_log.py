@@ -17,7 +17,7 @@ from ..msg import CollisionResult, SceneResult
 from ..recording import Recorder, Refusal
 from ..recording.record import Entry
 from ..status import StatusCode
-from .serialized import nanoseconds
+from .convert import nanoseconds
 
 RESULT_QOS = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,

@@ -28,7 +28,6 @@ from ..status import ImpactError, StatusCode
 from . import convert
 from .body_lookup import (
     BODIES_PER_STEP,
-    LookUp,
     StateFinder,
     StateNotYetReceived,
     check_immovable,
@@ -36,7 +35,7 @@ from .body_lookup import (
     check_texts,
 )
 from .parameters import LatestParameters
-from .server import Work
+from .round_robin import Steps
 from .states import LatestStates
 from .tables import LAYOUTS, Array, Request, Response, number_of_names, result_in, table_in, zeros_in
 
@@ -74,7 +73,7 @@ class BatchService:
     parameters: LatestParameters
     states: LatestStates
 
-    def answer(self, request: Request) -> Work:
+    def answer(self, request: Request) -> Steps[tuple[StatusCode, Response]]:
         """Compute the response to a request, in steps."""
         parameters = self.parameters.values
         check_texts(request, ["header.frame_id"])
@@ -179,7 +178,7 @@ def table_of(request: Request, layout: Layout) -> Array:
 
 def bodies_of(
     request: Request, table: Array, layout: Layout, finder: StateFinder, max_contacts: int
-) -> LookUp[BatchBodies]:
+) -> Steps[BatchBodies]:
     """Collect the bodies of a request: those of the table, then the latest states of those given by name.
 
     A body given by name that cannot be used is no error: the others are used.
@@ -205,7 +204,7 @@ def bodies_of(
     stamps, ages = [Time()] * len(names), [math.nan] * len(names)
     for i, name in enumerate(names):
         if not i % BODIES_PER_STEP:
-            yield
+            yield None
         owner = f"names[{i}]"
         try:
             state, ages[i] = finder.find(owner, owner, name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from operator import attrgetter
 from typing import Any, TypeVar
@@ -16,14 +16,12 @@ from std_msgs.msg import Header
 from ..msg import BodyState
 from ..srv import ResolveCollision
 from ..status import ImpactError, StatusCode
+from .convert import nanoseconds
 from .parameters import Parameters
-from .serialized import nanoseconds
+from .round_robin import Steps
 from .states import LatestStates, quoted
 
 Found = TypeVar("Found")
-
-LookUp = Generator[None, None, Found]
-"""A look-up of bodies, as a generator. It yields where another client may have its turn."""
 
 BODIES_PER_STEP = 50
 """Bodies that are looked up, or converted, between two yields: each takes up to a tenth of a millisecond."""
@@ -73,11 +71,8 @@ class StateFinder:
             )
             raise ImpactError(StatusCode.FRAME_MISMATCH, self._frame_field, reason)
 
-    def wait(self, look_up: Callable[[], LookUp[Found]]) -> Generator[float | None, None, Found]:
+    def wait(self, look_up: Callable[[], Steps[Found]]) -> Steps[Found]:
         """Look up bodies at once, and again whenever states have arrived that one of them waits for.
-
-        Yields:
-            While it waits: when it stops waiting [s], by ``time.perf_counter``. In a look-up: ``None``.
 
         Raises:
             ImpactError: STALE_STATE if no such state arrives in time; or what the look-up raises.
@@ -135,7 +130,7 @@ class StateFinder:
             raise ImpactError(StatusCode.FRAME_MISMATCH, f"{owner}.header.frame_id", reason)
 
 
-def complete(request: ResolveCollision.Request, finder: StateFinder) -> LookUp[list[tuple[Time, float]]]:
+def complete(request: ResolveCollision.Request, finder: StateFinder) -> Steps[list[tuple[Time, float]]]:
     """Replace bodies given only by name by their latest states; return stamp and age of those of both bodies.
 
     The request is changed in place, but not if there is an error.

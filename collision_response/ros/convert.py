@@ -11,17 +11,19 @@ Errors name fields as the messages do: ``body_a.inertia.m``, not ``body_a.mass``
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from functools import lru_cache
 from typing import Any, NamedTuple
 
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Twist as TwistMessage
 from geometry_msgs.msg import Vector3
+from std_msgs.msg import Header
 
 from ..answer import NUMBERS, Impact
 from ..arguments import check_number
-from ..body_conversions import IDENTITY_QUATERNION
+from ..body_conversions import IDENTITY_QUATERNION, body_to_numbers
 from ..materials import RANGES, Pair, combined_coefficient
 from ..model import ENUMERATIONS, Adjustment, ImpactModel, Precision
 from ..msg import BodyState, CollisionResult, SceneResult
@@ -342,9 +344,57 @@ def echo_contact(result: CollisionResult, request: ResolveCollision.Request) -> 
     result.contact.body_b = request.contact.body_b or request.body_b.name
 
 
+def nanoseconds(stamp: Time) -> int:
+    """Convert a stamp to nanoseconds."""
+    return stamp.sec * 1_000_000_000 + stamp.nanosec
+
+
 def vector_of(message: Any) -> Vec3:
     """Convert a vector or a point."""
     return Vec3(message.x, message.y, message.z)
+
+
+def twist_of(message: TwistMessage) -> Twist:
+    """Convert a twist."""
+    return Twist(vector_of(message.linear), vector_of(message.angular))
+
+
+def state_message(name: str, body: Body, header: Header) -> BodyState:
+    """Make a message of a rigid body. An immovable one is KINEMATIC if it moves, else STATIC."""
+    state = BodyState(name=name, header=header)
+    if not body.is_movable():
+        body = body._replace(mass=0.0)
+        moves = any((*body.velocity, *body.angular_velocity))
+        state.motion_type = BodyState.KINEMATIC if moves else BodyState.STATIC
+    return state_from(map(float, body_to_numbers(body)), state)
+
+
+def state_from(numbers: Iterable[float], state: BodyState) -> BodyState:
+    """Write the numbers of a column of a table into a state, and return it."""
+    rest = iter(numbers)
+    inertia, pose, twist = state.inertia, state.pose, state.twist
+    inertia.m = next(rest)
+    for field in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
+        setattr(inertia, field, next(rest))
+    for part, axes in (
+        (inertia.com, "xyz"),
+        (pose.position, "xyz"),
+        (pose.orientation, "xyzw"),
+        (twist.linear, "xyz"),
+        (twist.angular, "xyz"),
+    ):
+        for axis in axes:
+            setattr(part, axis, next(rest))
+    return state
+
+
+def contact_message(contact: Contact, header: Header) -> ContactMessage:
+    """Make a message of a contact, without the names of the bodies."""
+    message = ContactMessage(header=header)
+    message.restitution, message.friction = float(contact.restitution), float(contact.friction)
+    for part, vector in ((message.position, contact.position), (message.normal, contact.normal)):
+        part.x, part.y, part.z = map(float, vector)
+    return message
 
 
 def twist_message(twist: Twist) -> TwistMessage:

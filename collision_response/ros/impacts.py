@@ -12,12 +12,12 @@ from ..recording import Record
 from ..requirements import SceneSurvey
 from ..resolve import resolve
 from ..srv import ResolveCollision
-from ..status import ImpactError
+from ..status import ImpactError, StatusCode
 from . import convert
 from .answer_log import AnswerLog
 from .body_lookup import TEXTS, StateFinder, check_texts, complete
 from .parameters import LatestParameters
-from .server import Work
+from .round_robin import Steps
 from .states import LatestStates
 
 
@@ -35,7 +35,9 @@ class ImpactService:
     _spare: ResolveCollision.Response | None = field(default=None, init=False)
     _warned: set[str] = field(default_factory=set, init=False)
 
-    def answer(self, request: ResolveCollision.Request) -> Work:
+    def answer(
+        self, request: ResolveCollision.Request
+    ) -> Steps[tuple[StatusCode, ResolveCollision.Response]]:
         """Compute the response to a request, in steps."""
         parameters = self.parameters.values
         check_texts(request, TEXTS)

@@ -12,6 +12,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import JumpThreshold, TimeJump
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -40,7 +41,7 @@ from .scenes import SceneService
 from .serialized import MalformedMessage
 from .server import Server
 from .states import LatestStates
-from .take_all import IdleCallbackGroup, TakeAllWaitable, never_called
+from .take_all import TakeAllWaitable
 from .throttled_warnings import ThrottledWarnings
 
 STATE_QOS = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -130,7 +131,7 @@ class CollisionResponseNode(Node):
         )
         self.get_logger().info(
             f"serving {', '.join(self.resolve_service_name(service.name) for service in services)}; "
-            f"body states from {', '.join(topics) or 'requests only'}; "
+            f"body states from {', '.join(self._state_topics)}; "
             f"results on {', '.join(answer_log.topics)}"
             f"{'; not recording' if self._recorder is None else ''}"
         )
@@ -174,15 +175,15 @@ class CollisionResponseNode(Node):
         return self.resolve_topic_name(topic)
 
     def _subscribe(
-        self, kind: Any, topic: str, qos: QoSProfile, add: Callable[[bytes, Any], object]
+        self, kind: Any, topic: str, qos: QoSProfile, add: Callable[[bytes, Any], None]
     ) -> TakeAllWaitable:
         subscription = self.create_subscription(
             kind,
             topic,
-            never_called,
+            add,
             copy(qos),  # rclpy writes the overrides into it
             raw=True,
-            callback_group=IdleCallbackGroup(),
+            callback_group=MutuallyExclusiveCallbackGroup(),
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
@@ -192,7 +193,7 @@ class CollisionResponseNode(Node):
                 subscription.event_handlers.append(warning)  # destroyed with it
                 self.add_waitable(warning)
         return TakeAllWaitable(
-            self, subscription, add, lambda: self._server.states_arrived(), self._states.note_unreadable
+            self, subscription, lambda: self._server.states_arrived(), self._states.note_unreadable
         )
 
     def _take_states(self) -> None:

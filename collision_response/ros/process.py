@@ -77,7 +77,10 @@ def _why_not_started(error: Exception) -> str:
         return "a parameter is an empty list, which has no type: write [''] for none"
     if not isinstance(error, START_ERRORS):
         raise error
-    return " ".join(str(error).split())
+    why = " ".join(str(error).split())
+    if "'INTEGER', expecting type 'DOUBLE'" in why:
+        why += ": write it with a point, as in 1.0"
+    return why
 
 
 def open_standard_streams() -> None:

@@ -10,12 +10,15 @@ import time
 from collections import deque
 from collections.abc import Callable, Generator, Hashable
 from dataclasses import dataclass
+from typing import TypeVar
 
 from ..status import ImpactError
 
-Steps = Generator[float | None, None, None]
-"""The work for one request, as a generator. It yields ``None`` where another client may have its turn. If it
-cannot go on before something happens, it yields the time [s] of the clock at which it gives up waiting."""
+Result = TypeVar("Result")
+
+Steps = Generator[float | None, None, Result]
+"""Work for a request, as a generator. It yields ``None`` where another client may have its turn. If it cannot
+go on before something happens, it yields the time [s] of the clock at which it gives up waiting."""
 
 TIME_SLICE = 0.002
 """How long [s] a client is served before the next client has its turn."""
@@ -28,7 +31,7 @@ class Job:
     ``spent`` is its computing time so far [s], ``deadline`` when it stops waiting [s], if it waits.
     """
 
-    steps: Steps
+    steps: Steps[None]
     send_refusal: Callable[[ImpactError], None]
     spent: float = 0.0
     deadline: float = 0.0

@@ -22,9 +22,9 @@ from ..srv import ResolveScene
 from ..status import ImpactError, StatusCode
 from . import convert
 from .answer_log import AnswerLog
-from .body_lookup import BODIES_PER_STEP, LookUp, StateFinder, check_immovable, check_names, check_texts
+from .body_lookup import BODIES_PER_STEP, StateFinder, check_immovable, check_names, check_texts
 from .parameters import LatestParameters, Parameters
-from .server import Work
+from .round_robin import Steps
 from .states import LatestStates
 from .tables import number_of_names, table_in
 
@@ -64,7 +64,7 @@ class SceneService:
     states: LatestStates
     answer_log: AnswerLog
 
-    def answer(self, request: ResolveScene.Request) -> Work:
+    def answer(self, request: ResolveScene.Request) -> Steps[tuple[StatusCode, ResolveScene.Response]]:
         """Compute the response to a request, in steps."""
         parameters = self.parameters.values
         check_texts(request, ["header.frame_id"])
@@ -119,7 +119,7 @@ def contacts_of(request: ResolveScene.Request, max_contacts: int) -> list[Contac
     return messages
 
 
-def bodies_of(request: ResolveScene.Request, finder: StateFinder) -> LookUp[list[SceneBody]]:
+def bodies_of(request: ResolveScene.Request, finder: StateFinder) -> Steps[list[SceneBody]]:
     """Collect the bodies of a request: those of the table, then the latest states of those given by name.
 
     Raises:
@@ -143,7 +143,7 @@ def bodies_of(request: ResolveScene.Request, finder: StateFinder) -> LookUp[list
     bodies: list[SceneBody] = []
     for i, name in enumerate(names):
         if not i % BODIES_PER_STEP:
-            yield
+            yield None
         if i < count:
             owner, state, age = f"bodies[{i}]", IN_TABLE, 0.0
             body = _body_in_table(owner, columns[i], is_immovable=immovable[i])

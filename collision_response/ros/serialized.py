@@ -7,16 +7,15 @@ fields, each aligned to its size.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from builtin_interfaces.msg import Time
 from rclpy.serialization import deserialize_message
 
 from ..body_conversions import ROWS
 from ..msg import BodyState, BodyStates
+from .convert import state_from
 
 MAX_STATE_SIZE = 4096
 """Largest ``BodyState`` accepted [bytes]. Only long names can make a message that large."""
@@ -126,30 +125,6 @@ class SerializedTable(Serialized):
     @cached_property
     def _table(self) -> BodyStates:
         return _deserialized(self._message, BodyStates)
-
-
-def state_from(numbers: Iterable[float], state: BodyState) -> BodyState:
-    """Write the numbers of a column of a table into a state, and return it."""
-    rest = iter(numbers)
-    inertia, pose, twist = state.inertia, state.pose, state.twist
-    inertia.m = next(rest)
-    for field in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
-        setattr(inertia, field, next(rest))
-    for part, axes in (
-        (inertia.com, "xyz"),
-        (pose.position, "xyz"),
-        (pose.orientation, "xyzw"),
-        (twist.linear, "xyz"),
-        (twist.angular, "xyz"),
-    ):
-        for axis in axes:
-            setattr(part, axis, next(rest))
-    return state
-
-
-def nanoseconds(stamp: Time) -> int:
-    """Convert a stamp to nanoseconds."""
-    return stamp.sec * 1_000_000_000 + stamp.nanosec
 
 
 def _deserialized(message: bytes, kind: type) -> Any:

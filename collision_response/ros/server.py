@@ -10,11 +10,12 @@ import time
 import traceback
 import warnings
 from collections import Counter
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy, qos_profile_system_default
 from rclpy.service import Service
@@ -26,14 +27,7 @@ from .diagnostics import Counters
 from .parameters import LatestParameters
 from .process import create_steady_timer
 from .round_robin import Job, RoundRobin, Steps
-from .take_all import (
-    IdleCallbackGroup,
-    InvalidHandle,
-    RCLError,
-    TakeAllWaitable,
-    error_in_rclpy,
-    never_called,
-)
+from .take_all import InvalidHandle, RCLError, TakeAllWaitable, error_in_rclpy
 from .throttled_warnings import WARNING_INTERVAL
 
 SERVICE_QOS = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=8_000, reliability=ReliabilityPolicy.RELIABLE)
@@ -63,10 +57,6 @@ DELIVERY_TIME = 0.5
 MAX_SERVING_TIME = 0.01
 """Time [s] of serving after which the executor may run the node's other callbacks."""
 
-Work = Generator[float | None, None, tuple[StatusCode, Any]]
-"""The work for a request: yields as :data:`Steps` do, returns the response with its status code, and raises
-:class:`ImpactError`."""
-
 
 class NodeService(Protocol):
     """One of the services of the node, with its type and its name, not yet resolved."""
@@ -74,8 +64,8 @@ class NodeService(Protocol):
     interface: Any
     name: str
 
-    def answer(self, request: Any) -> Work:
-        """Compute the response to a request, in steps."""
+    def answer(self, request: Any) -> Steps[tuple[StatusCode, Any]]:
+        """Compute the response to a request, with its status code, or raise an :class:`ImpactError`."""
 
     def refusal(self, request: Any, error: ImpactError) -> Any:
         """Return the response that says why there is no answer."""
@@ -122,31 +112,25 @@ class Server:
         self._after_sending = after_sending
         self._jobs = RoundRobin(self._over_budget)
         self._unconfirmed: Counter[bytes] = Counter()
-        self._clients: list[ConnectedClients] = []
+        self._endpoints: dict[str, Endpoint] = {}
         self._waitables: list[TakeAllWaitable] = []
-        self._names: set[str] = set()
         self._more = node.create_guard_condition(self._serve)
         self._overdue_timer = create_steady_timer(node, WAIT_CHECK_INTERVAL, self._serve_overdue)
         self._overdue_timer.cancel()
         create_steady_timer(node, UPKEEP_INTERVAL, self._upkeep)
-        group = IdleCallbackGroup()
         for node_service in node_services:
             service = node.create_service(
                 node_service.interface,
                 node_service.name,
-                never_called,
+                partial(self._receive, node_service.name),
                 qos_profile=SERVICE_QOS,
-                callback_group=group,
+                callback_group=MutuallyExclusiveCallbackGroup(),
             )
-            if introspection is not ServiceIntrospectionState.OFF:
-                service.configure_introspection(node.get_clock(), qos_profile_system_default, introspection)
-            endpoint = Endpoint(node_service, service, ConnectedClients(node, service.service_name))
-            receive = partial(self._receive, endpoint)
-            self._names.add(service.service_name)
-            self._clients.append(endpoint.clients)
-            self._waitables.append(
-                TakeAllWaitable(node, service, receive, self._serve, self._count_unreadable)
-            )
+            service.configure_introspection(node.get_clock(), qos_profile_system_default, introspection)
+            clients = ConnectedClients(node, service.service_name)
+            self._endpoints[node_service.name] = Endpoint(node_service, service, clients)
+            self._waitables.append(TakeAllWaitable(node, service, self._serve, self._count_unreadable))
+        self._unshared = {endpoint.service.service_name for endpoint in self._endpoints.values()}
 
     def waiting(self) -> int:
         """Number of requests that are not answered yet."""
@@ -163,41 +147,38 @@ class Server:
 
         Each takes at most the given time [s]. Return how many requests are left without an answer.
         """
-        with suppress(InvalidHandle):  # of a node that is destroyed, as after its context was shut down
-            self._answer_all(answering_time, refusing_time)
-        return len(self._jobs)
-
-    def _answer_all(self, answering_time: float, refusing_time: float) -> None:
         clock, answers_before = time.perf_counter, self._counters.answers.total()
         start = last_arrival = clock()
-        while clock() - start < answering_time and (self._jobs or clock() - last_arrival < QUIET_TIME):
-            if self._take_requests():
-                last_arrival = clock()
-            self._jobs.resume(overdue_only=True)
-            if not self._jobs.is_ready:
-                time.sleep(WAIT_CHECK_INTERVAL)
-            self._jobs.run_slice()
-        reason = "is shutting down: ask again when it is back, or ask another node"
-        error = ImpactError(StatusCode.SHUTTING_DOWN, "node", reason)
-        end = clock() + refusing_time
-        while (self._take_requests() or self._jobs) and clock() < end:
-            self._jobs.refuse_all(error, end)
-        self._take_requests()  # to count them
-        if self._counters.answers.total() > answers_before:
-            time.sleep(min(DELIVERY_TIME, refusing_time))
+        with suppress(InvalidHandle):  # of a node that is destroyed, as after its context was shut down
+            while clock() - start < answering_time and (self._jobs or clock() - last_arrival < QUIET_TIME):
+                if self._take_requests():
+                    last_arrival = clock()
+                self._jobs.resume(overdue_only=True)
+                if not self._jobs.is_ready:
+                    time.sleep(WAIT_CHECK_INTERVAL)
+                self._jobs.run_slice()
+            reason = "is shutting down: ask again when it is back, or ask another node"
+            error = ImpactError(StatusCode.SHUTTING_DOWN, "node", reason)
+            end = clock() + refusing_time
+            while (self._take_requests() or self._jobs) and clock() < end:
+                self._jobs.refuse_all(error, end)
+            self._take_requests()  # to count them
+            if self._counters.answers.total() > answers_before:
+                time.sleep(min(DELIVERY_TIME, refusing_time))
+        return len(self._jobs)
 
     def _take_requests(self) -> int:
         """Take the requests that wait, for a limited time, and return how many there were."""
         return sum(waitable.take_all() for waitable in self._waitables)
 
-    def _receive(self, endpoint: Endpoint, request: Any, header: Any) -> None:
+    def _receive(self, name: str, request: Any, header: Any) -> None:
         client = client_id(header)
         self._unconfirmed.pop(client, None)  # the request is a sign of life
         self._counters.requests += 1
-        call = Call(endpoint, client, request, header, time.perf_counter())
+        call = Call(self._endpoints[name], client, request, header, time.perf_counter())
         self._jobs.add(client, Job(self._steps(call), partial(self._refuse, call)))
 
-    def _steps(self, call: Call) -> Steps:
+    def _steps(self, call: Call) -> Steps[None]:
         """Answer a request, unless its client has left.
 
         No exception but ``InvalidHandle`` may leave this method: it would end ``spin()``.
@@ -297,15 +278,15 @@ class Server:
 
     def _warn_of_other_servers(self) -> None:
         """Warn once about each service that another node serves, too."""
-        for name in [name for name in self._names if self._node.count_services(name) > 1]:
-            self._names.remove(name)
+        for name in [name for name in self._unshared if self._node.count_services(name) > 1]:
+            self._unshared.remove(name)
             self._log.warning(
                 f"another node serves {name}, too, or was killed a moment ago: clients take the first answer"
             )
 
     def _forget_departed(self) -> None:
-        for clients in self._clients:
-            for client in clients.take_departed():
+        for endpoint in self._endpoints.values():
+            for client in endpoint.clients.take_departed():
                 dropped, at_risk = self._jobs.drop(client), self._unconfirmed.pop(client, 0)
                 self._counters.dropped += dropped
                 self._counters.at_risk += at_risk

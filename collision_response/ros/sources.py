@@ -24,10 +24,9 @@ from ..physics.body import Twist
 from ..physics.mass_properties import MassProperties
 from ..physics.orientation import Quaternion
 from ..physics.vector import ZERO, Vec3
-from .convert import twist_message, vector_message, vector_of
+from .convert import nanoseconds, twist_message, vector_message, vector_of
 from .parameters import declare, fixed, warn_of_unknown
 from .process import StartError, run
-from .serialized import nanoseconds
 from .throttled_warnings import ThrottledWarnings
 
 DECLARATIONS = (

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
-from rclpy.callback_groups import CallbackGroup
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.service import Service
@@ -36,31 +35,13 @@ def error_in_rclpy(error: SystemError) -> BaseException:
     return error.__cause__ or error
 
 
-class IdleCallbackGroup(CallbackGroup):
-    """A callback group that the executor never executes: a :class:`TakeAllWaitable` handles its entities."""
-
-    def can_execute(self, entity: Any) -> bool:
-        return False
-
-    def beginning_execution(self, entity: Any) -> bool:
-        return False
-
-    def ending_execution(self, entity: Any) -> None:
-        pass
-
-
-def never_called(*_: Any) -> None:
-    """Callback for the entities of an :class:`IdleCallbackGroup`."""
-    raise AssertionError("the executor does not execute this callback group")
-
-
 class TakeAllWaitable(Waitable):  # type: ignore[type-arg]  # that of Jazzy takes none
     """Wakes the executor for a service or subscription, and then takes all messages that wait there.
 
     Args:
         node: the node that is spun.
-        source: a service or a raw subscription of the node, in an :class:`IdleCallbackGroup`.
-        handle: called with ``(request, header)`` or ``(serialized message, message info)``.
+        source: a service or a raw subscription of the node, in a mutually exclusive callback group of its
+            own. Its callback is called with ``(request, header)`` or ``(serialized message, message info)``.
         after: called when all messages have been handled.
         on_unreadable: called with the error if a message cannot be taken.
     """
@@ -69,17 +50,17 @@ class TakeAllWaitable(Waitable):  # type: ignore[type-arg]  # that of Jazzy take
         self,
         node: Node,
         source: Service[Any, Any] | Subscription[Any],
-        handle: Callable[[Any, Any], object],
         after: Callable[[], None],
         on_unreadable: Callable[[Exception], None],
     ) -> None:
         super().__init__(node.default_callback_group)
         self._source = source
-        self._handle = handle
+        self._handle: Any = source.callback
         self._after = after
         self._on_unreadable = on_unreadable
         self._is_service = isinstance(source, Service)
         self._index: int | None = None
+        source.callback_group.beginning_execution(source)  # for ever: so the executor leaves it alone
         node.add_waitable(self)
 
     def take_all(self) -> int:
