@@ -207,6 +207,13 @@ class TestCall:
         assert said.startswith("OK by ROUTH_STRONGE (")
         assert said.splitlines()[2:] == BOUNCED
 
+    def test_a_node_of_another_name_is_found(self, shared_node, capsys):
+        """As one that was started in a namespace. It may take some time until it is discovered."""
+        from ros_graph import wait_until
+
+        found = f"give one of these by --service: {shared_node.service}\n"
+        wait_until(lambda: main(["call", "{}", "--timeout", "0.5"]) == 3 and found in capsys.readouterr().err)
+
     def test_a_request_may_come_from_standard_input(self, call, monkeypatch):
         monkeypatch.setattr(sys, "stdin", io.StringIO(BOUNCE))
         assert call("-")[1].splitlines()[2:] == BOUNCED

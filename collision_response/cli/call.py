@@ -199,9 +199,15 @@ def answer(kind: Any, request: Any, service: str, timeout: float) -> Any:
         )
         end = time.monotonic() + timeout
         if not client.wait_for_service(timeout):
-            raise TimeoutError(
-                f"no service {service} within {timeout:g} s; start the node with: collision_response node"
-            )
+            others = [
+                name
+                for name, types in node.get_service_names_and_types()
+                if f"collision_response/srv/{kind.__name__}" in types and node.count_services(name)
+            ]
+            advice = "start the node with: collision_response node"
+            if others:
+                advice += f", or give one of these by --service: {', '.join(others)}"
+            raise TimeoutError(f"no service {service} within {timeout:g} s; {advice}")
         future = client.call_async(request)
         rclpy.spin_until_future_complete(node, future, timeout_sec=max(end - time.monotonic(), 1.0))
         if not future.done():
