@@ -197,7 +197,12 @@ REFUSALS = [
         "result",
         "float64",
     ),
-    refused(StatusCode.UNKNOWN_MATERIAL, "body_a.material", "cheese"),
+    Refused(
+        StatusCode.UNKNOWN_MATERIAL,
+        {"body_a.material": "cheese"},
+        "body_a.material",
+        "is 'cheese', but the parameter materials_file names no file",
+    ),
     refused(StatusCode.INVALID_MOTION_TYPE, "body_b.motion_type", 9),
     Refused(
         StatusCode.INVALID_MOTION_TYPE, {"body_b.motion_type": BodyState.STATIC}, "body_b.motion_type", "3.0"

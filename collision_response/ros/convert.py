@@ -24,7 +24,7 @@ from std_msgs.msg import Header
 from ..answer import NUMBERS, Impact
 from ..arguments import check_number
 from ..body_conversions import IDENTITY_QUATERNION, body_to_numbers
-from ..materials import RANGES, Pair, combined_coefficient
+from ..materials import NO_MATERIALS, RANGES, Pair, combined_coefficient
 from ..model import ENUMERATIONS, Adjustment, ImpactModel, Precision
 from ..msg import BodyState, CollisionResult, SceneResult
 from ..msg import Contact as ContactMessage
@@ -200,6 +200,9 @@ def coefficients_of(
             :func:`~collision_response.materials.combined_coefficient`.
     """
     for owner, body in (("body_a", body_a), ("body_b", body_b)):
+        if body.material and parameters.materials is NO_MATERIALS:
+            reason = f"is {body.material!r}, but the parameter materials_file names no file"
+            raise ImpactError(StatusCode.UNKNOWN_MATERIAL, f"{owner}.material", reason)
         if body.material:
             parameters.materials.check(f"{owner}.material", body.material)
     return ContactCoefficients(
