@@ -115,10 +115,12 @@ class StateFinder:
     def check(self, owner: str, state: BodyState, age: float) -> None:
         """Refuse a received state too far in time from the contact (STALE_STATE), or not in its frame."""
         if self._max_age and not abs(age) <= self._max_age:
-            fault = f"is {age:.6g} s old" if age > 0 else f"is {-age:.6g} s ahead: do the clocks agree?"
+            fault = f"is {age:.6g} s old" if age > 0 else f"is {-age:.6g} s ahead of the contact"
             if math.isnan(age):
                 fault = "has no stamp, or there is no time yet"
-            reason = f"the last state of {quoted(state.name)} {fault}; max_state_age is {self._max_age:.6g} s"
+            advice = ": do the clocks agree?" if age < 0 else ""
+            limit = f"max_state_age is {self._max_age:.6g} s"
+            reason = f"the last state of {quoted(state.name)} {fault}; {limit}{advice}"
             raise ImpactError(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason)
         self.check_frame(owner, state)
 

@@ -243,17 +243,6 @@ def _with_pair(model: ImpactModel, pair: Pair) -> ImpactModel:
     return model._replace(**of_pair)
 
 
-def is_given_by_one_body_only(field: str, request: ResolveCollision.Request) -> bool:
-    """Whether a coefficient of one body is not used because the other body has none.
-
-    False if the contact gives the coefficient, or if both bodies have a material.
-    """
-    if request.body_a.material and request.body_b.material:
-        return False
-    of_a, of_b = getattr(request.body_a, field), getattr(request.body_b, field)
-    return getattr(request.contact, field) == UNSET and (of_a == UNSET) != (of_b == UNSET)
-
-
 def model_of(message: ImpactModelMessage, defaults: ImpactModel) -> ImpactModel:
     """Convert a model; what is 0 in the message comes from ``defaults``.
 

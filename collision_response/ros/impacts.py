@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
+from ..msg import CollisionResult
 from ..recording import Record
 from ..requirements import SceneSurvey
 from ..resolve import resolve
@@ -44,8 +45,8 @@ class ImpactService:
         contact = request.contact
         finder = StateFinder("contact.header", contact.header, request.not_before, self.states, parameters)
         states_used = yield from finder.wait(partial(complete, request, finder))
-        self._warn_of_coefficients(request)
         problem, coefficients = convert.problem_of(request, parameters)
+        self._warn_of_coefficients(request, coefficients)
 
         start = time.perf_counter()
         impact = resolve(*problem)
@@ -75,9 +76,13 @@ class ImpactService:
         """Make the next response, which takes as long as a third of an answer. No client waits for this."""
         self._spare = self._spare or ResolveCollision.Response()
 
-    def _warn_of_coefficients(self, request: ResolveCollision.Request) -> None:
+    def _warn_of_coefficients(
+        self, request: ResolveCollision.Request, used: convert.ContactCoefficients
+    ) -> None:
         for name in ("restitution", "friction"):
-            if name not in self._warned and convert.is_given_by_one_body_only(name, request):
+            of_a, of_b = getattr(request.body_a, name), getattr(request.body_b, name)
+            is_parameter = getattr(used, name).source == CollisionResult.FROM_PARAMETER
+            if is_parameter and of_a != of_b and name not in self._warned:
                 self._warned.add(name)
                 self.log.warning(
                     f"only one of two bodies has a coefficient of {name}, so the parameter {name} is used "
