@@ -20,11 +20,11 @@ SOURCE = """
 // Whether impulses on the four contacts of a point mass that falls and slides along x break mechanics.
 extern "C" bool is_unphysical(double e, double mu, const double* normal, const double* tangential) {
   std::array<double, BODY> ball{}, floor{};
-  ball[0] = 1;
-  floor[0] = INFINITY;
-  ball[IN_BODY_A_ORIENTATION_X + 3] = floor[IN_BODY_A_ORIENTATION_X + 3] = 1;
-  ball[IN_BODY_A_VELOCITY_X] = 1;
-  ball[IN_BODY_A_VELOCITY_X + 2] = -1;
+  ball[BODY_MASS] = 1;
+  floor[BODY_MASS] = INFINITY;
+  ball[BODY_ORIENTATION_W] = floor[BODY_ORIENTATION_W] = 1;
+  ball[BODY_VELOCITY_X] = 1;
+  ball[BODY_VELOCITY_Z] = -1;
   ClusterParts parts{{ball, floor}, {}};
   ClusterImpulses impulses;
   for (int i = 0; i < 4; ++i) {

@@ -4,18 +4,17 @@
 #include "numbers.hpp"
 #include "constants.hpp"
 
-enum { ROWS = 2 * ROWS_OF_BODY + ROWS_OF_CONTACT + ROWS_OF_MODEL };
-enum { ENERGIES = OUT_ENERGY_LOST_FRICTION - OUT_KINETIC_ENERGY_BEFORE + 1, RESULTS = 12 + 3 + 1 + ENERGIES };
+enum { ROWS = 2 * BODY + CONTACT + MODEL };
+enum { ENERGIES = OUT_ENERGY_LOST_FRICTION - OUT_KINETIC_ENERGY_BEFORE + 1 };
 
 // The rows of inputs and results, all of float or all of double. A result that is not wanted is null.
 struct Batch {
+  // The places of the results: those of velocities are by axis and body. Energies are wanted if regimes are.
+  enum { VELOCITY, ANGULAR_VELOCITY = 6, IMPULSE = 12, ERROR_BOUND = 15, ENERGY, RESULTS = ENERGY + ENERGIES };
+
   const void* row[ROWS];  // inputs, in the order of the layout
   bool is_shared[ROWS];  // whether a row is one number for all impacts
-  void* velocity[3][2];  // by axis and body; from here on the results, RESULTS pointers
-  void* angular_velocity[3][2];
-  void* impulse[3];
-  void* error_bound;
-  void* energy[ENERGIES];  // wanted if regime is
+  void* result[RESULTS];
   unsigned char *status, *regime;
 };
 using BatchKernel = void (*)(const Batch& batch, long from, long to);
@@ -57,16 +56,15 @@ INLINE T find_fault(const T* x) {
 // What a kernel of a layout reads.
 template <int layout> struct LayoutInputs {
   static constexpr const TableLayout& table = table_layouts[layout];
-  static constexpr int body = table.body_rows, count = 2 * body + table.contact_rows + ROWS_OF_MODEL;
+  static constexpr int body = table.body_rows, count = 2 * body + table.contact_rows + MODEL;
   // The first input that may be one number for all impacts: friction, because the tables of FRICTIONLESS lack it.
   static constexpr int first_shared = layout == LAYOUT_EVERYTHING ? 0 : 2 * body + table.contact_rows - 1;
 
+  template <class T> INLINE T mass(const T* x) { return x[table.body[BODY_MASS]]; }
   // Trace of the inertia tensor of a body.
   template <class T> INLINE T trace(const T* x) {
-    if constexpr (table.body[IN_BODY_A_INERTIA_XX] < 0) return T{};
-    else
-      return x[table.body[IN_BODY_A_INERTIA_XX]] + x[table.body[IN_BODY_A_INERTIA_YY]] +
-             x[table.body[IN_BODY_A_INERTIA_ZZ]];
+    if constexpr (table.body[BODY_INERTIA_XX] < 0) return T{};
+    else return x[table.body[BODY_INERTIA_XX]] + x[table.body[BODY_INERTIA_YY]] + x[table.body[BODY_INERTIA_ZZ]];
   }
 };
 
@@ -110,19 +108,21 @@ static __attribute__((noinline)) void compute_lanes(const Batch& batch, long at)
   T nan = broadcast<T>(__builtin_nan(""));
   UNROLLED for (int k = 0; k < 3; ++k) {
     UNROLLED for (int side = 0; side < 2; ++side) {
-      store<T>(batch.velocity[k][side], at, choose<T>(answered, reported[6 * side + k], nan));
-      store<T>(batch.angular_velocity[k][side], at, choose<T>(answered, reported[6 * side + 3 + k], nan));
+      store<T>(batch.result[Batch::VELOCITY + 2 * k + side], at, choose<T>(answered, reported[6 * side + k], nan));
+      store<T>(batch.result[Batch::ANGULAR_VELOCITY + 2 * k + side], at,
+               choose<T>(answered, reported[6 * side + 3 + k], nan));
     }
-    store<T>(batch.impulse[k], at, choose<T>(answered, high(changes[k]), nan));
+    store<T>(batch.result[Batch::IMPULSE + k], at, choose<T>(answered, high(changes[k]), nan));
   }
   if constexpr (!std::is_same_v<N, T>) {
-    T mass[2] = {x[0], x[Inputs::body]}, trace[2] = {Inputs::trace(x), Inputs::trace(x + Inputs::body)};
-    store<T>(batch.error_bound, at, choose<T>(answered, error_bound<N>(changes, mass, trace), nan));
+    T mass[2] = {Inputs::mass(x), Inputs::mass(x + Inputs::body)},
+      trace[2] = {Inputs::trace(x), Inputs::trace(x + Inputs::body)};
+    store<T>(batch.result[Batch::ERROR_BOUND], at, choose<T>(answered, error_bound<N>(changes, mass, trace), nan));
   }
   store_codes<T>(batch.status + at, status);
   if (__builtin_expect(batch.regime != nullptr, 0)) {
     UNROLLED for (int k = 0; k < ENERGIES; ++k)
-      store<T>(batch.energy[k], at, choose<T>(answered, reported[OUT_KINETIC_ENERGY_BEFORE + k], nan));
+      store<T>(batch.result[Batch::ENERGY + k], at, choose<T>(answered, reported[OUT_KINETIC_ENERGY_BEFORE + k], nan));
     store_codes<T>(batch.regime + at, choose<T>(answered, reported[OUT_REGIME], T{}));
   }
 }
@@ -136,14 +136,15 @@ INLINE void compute_columns(const Batch& batch, long from, long to) {
   constexpr long width = lanes<T>;
   if (to - from >= width) {
     compute_lanes<N, layout, impact, validity, clearly_valid>(batch, from);
-    const auto first = reinterpret_cast<std::uintptr_t>(static_cast<const Lane<T>*>(batch.velocity[0][0]) + from);
+    const auto first =
+        reinterpret_cast<std::uintptr_t>(static_cast<const Lane<T>*>(batch.result[Batch::VELOCITY]) + from);
     const long done = width - static_cast<long>(first / sizeof(Lane<T>)) % width;
     for (long at = from + done; at < to; at += width)
       compute_lanes<N, layout, impact, validity, clearly_valid>(batch, at + width <= to ? at : to - width);
     return;
   }
   constexpr int count = LayoutInputs<layout>::count;
-  Lane<T> inputs[count][width], results[RESULTS][width];
+  Lane<T> inputs[count][width], results[Batch::RESULTS][width];
   unsigned char status[width], regime[width];
   Batch padded = batch;
   for (int i = 0; i < count; ++i) {
@@ -154,15 +155,13 @@ INLINE void compute_columns(const Batch& batch, long from, long to) {
     padded.row[i] = inputs[i];
     padded.is_shared[i] = false;
   }
-  void** padded_results = &padded.velocity[0][0];
-  void* const* batch_results = &batch.velocity[0][0];
-  for (int i = 0; i < RESULTS; ++i) padded_results[i] = batch_results[i] ? results[i] : nullptr;
+  for (int i = 0; i < Batch::RESULTS; ++i) padded.result[i] = batch.result[i] ? results[i] : nullptr;
   padded.status = status;
   if (padded.regime) padded.regime = regime;
   compute_lanes<N, layout, impact, validity, clearly_valid>(padded, 0);
-  for (int i = 0; i < RESULTS; ++i)
-    for (long k = 0; batch_results[i] && k < to - from; ++k)
-      static_cast<Lane<T>*>(batch_results[i])[from + k] = results[i][k];
+  for (int i = 0; i < Batch::RESULTS; ++i)
+    for (long k = 0; batch.result[i] && k < to - from; ++k)
+      static_cast<Lane<T>*>(batch.result[i])[from + k] = results[i][k];
   for (long k = 0; k < to - from; ++k) {
     batch.status[from + k] = status[k];
     if (batch.regime) batch.regime[from + k] = regime[k];

@@ -18,9 +18,9 @@ namespace {
 
 using SparseDual = Dual<Bounded<double>, SparseDerivatives>;
 
-// An impact is differentiated by these parameters: its inputs, but three rotations about the world axes in k_index of
+// An impact is differentiated by these parameters: its inputs, but three rotations about the world axes in place of
 // the four numbers of a quaternion, and only those numbers of the model that laws read.
-enum { PARAMETERS_OF_BODY = BODY - 1, STIFFNESS = IN_MODEL_RESTITUTION_THRESHOLD - 2, PARAMETERS };
+enum { PARAMETERS_OF_BODY = BODY - 1, STIFFNESS = IN_MODEL + MODEL_RESTITUTION_THRESHOLD - 2, PARAMETERS };
 enum { TWISTS = CHANGES - AXES, RESULTS = CHANGES };  // the twists after the impact, then the impulse
 
 DerivativeKernel find_kernel(int law) {
@@ -54,14 +54,10 @@ void differentiate_law(int law, const Bounded<double>* law_input, Seeds& seeds, 
 // The inputs of a law that are independent of each other: each is a direction. n.u and n.Kn depend on n, u and K.
 enum { BY_N, BY_U = BY_N + AXES, BY_K = BY_U + AXES };
 const int independent_inputs[DenseDerivatives::DIRECTIONS] = {
-    LAW_INPUT_N,           LAW_INPUT_N + 1,
-    LAW_INPUT_N + 2,       LAW_INPUT_U,
-    LAW_INPUT_U + 1,       LAW_INPUT_U + 2,
-    LAW_INPUT_K,           LAW_INPUT_K + 1,
-    LAW_INPUT_K + 2,       LAW_INPUT_K + 3,
-    LAW_INPUT_K + 4,       LAW_INPUT_K + 5,
-    LAW_INPUT_RESTITUTION, LAW_INPUT_FRICTION,
-    LAW_INPUT_SETTINGS,    LAW_INPUT_SETTINGS + IN_MODEL_STIFFNESS_RATIO - IN_MODEL_TANGENTIAL_RESTITUTION};
+    LAW_INPUT_N,           LAW_INPUT_N + 1,    LAW_INPUT_N + 2,    LAW_INPUT_U,
+    LAW_INPUT_U + 1,       LAW_INPUT_U + 2,    LAW_INPUT_K,        LAW_INPUT_K + 1,
+    LAW_INPUT_K + 2,       LAW_INPUT_K + 3,    LAW_INPUT_K + 4,    LAW_INPUT_K + 5,
+    LAW_INPUT_RESTITUTION, LAW_INPUT_FRICTION, LAW_INPUT_SETTINGS, LAW_INPUT_SETTINGS + MODEL_STIFFNESS_RATIO};
 
 void seed_independent(const Bounded<double>* law_input, Seeds& seeds) {
   static const int k_index[AXES][AXES] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
@@ -195,7 +191,7 @@ struct Differentiation {
   }
 
  private:
-  static constexpr int ORIENTATION = IN_BODY_A_ORIENTATION_X, VELOCITY = IN_BODY_A_VELOCITY_X - 1;
+  static constexpr int ORIENTATION = BODY_ORIENTATION_X, VELOCITY = BODY_VELOCITY_X - 1;
 
   // Units in which no product leaves the range of floats; those that are given if no number is extreme.
   static Units suitable_units(const double* x) {
@@ -243,8 +239,8 @@ struct Differentiation {
       rotate(body + ORIENTATION, given + ORIENTATION);
       for (int i = ORIENTATION + 4; i < BODY; ++i) body[i].d = given[i - 1];
     }
-    for (int i = 2 * BODY; i < IN_MODEL_RESTITUTION_THRESHOLD; ++i) in[i].d = parameters[i - 2];
-    in[IN_MODEL_STIFFNESS_RATIO].d = parameters[STIFFNESS];
+    for (int i = 2 * BODY; i < IN_MODEL + MODEL_RESTITUTION_THRESHOLD; ++i) in[i].d = parameters[i - 2];
+    in[IN_MODEL + MODEL_STIFFNESS_RATIO].d = parameters[STIFFNESS];
   }
   // The derivative of a quaternion q that rotates by v about the world axes: v q / 2.
   static void rotate(SparseDual* q, const SparseDerivatives* v) {

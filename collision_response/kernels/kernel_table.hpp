@@ -31,10 +31,11 @@ inline bool is_runnable(int level) { return level == LEVEL_BASE; }
 #endif
 
 enum { PRECISION_BOUNDED = PRECISION_DOUBLE };
-inline const struct {
+struct ImpactKernelEntry {
   int formula, layout, precision, level;
   ImpactKernel kernel;
-} impact_kernels[] = {
+};
+inline const ImpactKernelEntry impact_kernels[] = {
 #define IMPACT_KERNEL(name, FORMULA, LAYOUT, NUMBER, LEVEL) \
   {FORMULA_##FORMULA, LAYOUT_##LAYOUT, PRECISION_##NUMBER, LEVEL_##LEVEL, impact_##name},
 #define BATCH_KERNEL(...)
@@ -42,10 +43,11 @@ inline const struct {
 #undef IMPACT_KERNEL
 #undef BATCH_KERNEL
 };
-inline const struct {
+struct BatchKernelEntry {
   int formula, layout, number_type, level;
   BatchKernel kernel;
-} batch_kernels[] = {
+};
+inline const BatchKernelEntry batch_kernels[] = {
 #define IMPACT_KERNEL(...)
 #define BATCH_KERNEL(name, FORMULA, LAYOUT, NUMBER, LEVEL) \
   {FORMULA_##FORMULA, LAYOUT_##LAYOUT, NUMBER_##NUMBER, LEVEL_##LEVEL, batch_##name},
@@ -57,26 +59,25 @@ inline const struct {
 // The formula of a law; -1 if there is none, as for a law that Python has since this was compiled.
 inline int formula_of_law(int law) { return law < LAW_COUNT ? formula_of[law] : -1; }
 
-// Find the fastest kernel for one impact that the machine can run. If there is none of this precision, `precision`
-// becomes DOUBLE. Null if the law is unknown.
-inline ImpactKernel find_impact_kernel(int law, bool articulated, int& precision) {
-  int layout = articulated ? LAYOUT_ARTICULATED : LAYOUT_EVERYTHING;
-  for (const auto& row : impact_kernels)
-    if (row.formula == formula_of_law(law) && row.layout == layout && row.precision == precision &&
-        is_runnable(row.level))
-      return row.kernel;
-  if (precision == PRECISION_DOUBLE) return nullptr;
-  precision = PRECISION_DOUBLE;
-  return find_impact_kernel(law, articulated, precision);
+// Find the fastest kernel for one impact that the machine can run. If there is none of this precision, that of DOUBLE
+// serves. Null if the law is unknown.
+inline const ImpactKernelEntry* find_impact_kernel(int law, bool articulated, int precision) {
+  const int layout = articulated ? LAYOUT_ARTICULATED : LAYOUT_EVERYTHING;
+  for (const auto& entry : impact_kernels)
+    if (entry.formula == formula_of_law(law) && entry.layout == layout && entry.precision == precision &&
+        is_runnable(entry.level))
+      return &entry;
+  return precision == PRECISION_DOUBLE ? nullptr : find_impact_kernel(law, articulated, PRECISION_DOUBLE);
 }
 
-// Find the fastest kernel for batches that the machine can run. Null if there is none for this law and layout. A law
-// that has one kernel for all precisions has that of BOUNDED.
-inline BatchKernel find_batch_kernel(int law, int layout, int number_type) {
-  for (const auto& row : batch_kernels)
-    if (row.formula == formula_of_law(law) && row.layout == layout && row.number_type == number_type &&
-        is_runnable(row.level))
-      return row.kernel;
-  bool is_substituted = layout == LAYOUT_EVERYTHING && (number_type == NUMBER_PLAIN || number_type == NUMBER_EXTENDED);
-  return is_substituted ? find_batch_kernel(law, layout, NUMBER_BOUNDED) : nullptr;
+// Find the fastest kernel for batches that the machine can run. If there is none for this layout, that of EVERYTHING
+// serves; if there is none for this number type, that of BOUNDED. Null if the law is unknown.
+inline const BatchKernelEntry* find_batch_kernel(int law, int layout, int number_type) {
+  for (const auto& entry : batch_kernels)
+    if (entry.formula == formula_of_law(law) && entry.layout == layout && entry.number_type == number_type &&
+        is_runnable(entry.level))
+      return &entry;
+  if (layout != LAYOUT_EVERYTHING) return find_batch_kernel(law, LAYOUT_EVERYTHING, number_type);
+  const bool has_substitute = number_type == NUMBER_PLAIN || number_type == NUMBER_EXTENDED;
+  return has_substitute ? find_batch_kernel(law, layout, NUMBER_BOUNDED) : nullptr;
 }

@@ -11,14 +11,19 @@ struct ImpactResult {
   double reported[REPORTED];
   bool flags[FLAGS];
   double error_bound;  // relative, of the changes together
+
+  const double* twist_after(int side) const { return reported + 6 * side; }
+  const double* twist_change(int side) const { return change + 3 + 6 * side; }
 };
 
 // Traces of the linear and the angular block of an inverse inertia; 0 for a rigid body.
 INLINE double linear_trace(const double* inverse_inertia) {
-  return inverse_inertia[0] + inverse_inertia[6] + inverse_inertia[11];
+  return inverse_inertia[INVERSE_INERTIA_XX] + inverse_inertia[INVERSE_INERTIA_YY] +
+         inverse_inertia[INVERSE_INERTIA_ZZ];
 }
 INLINE double angular_trace(const double* inverse_inertia) {
-  return inverse_inertia[15] + inverse_inertia[18] + inverse_inertia[20];
+  return inverse_inertia[INVERSE_INERTIA_AA] + inverse_inertia[INVERSE_INERTIA_BB] +
+         inverse_inertia[INVERSE_INERTIA_CC];
 }
 
 template <class N, int layout, class F>
@@ -38,9 +43,9 @@ INLINE void compute_impact(F impact, const double* input, const double* error, I
   impact(in, changes, reported, result->flags);
   T mass[2], trace[2];
   for (int side = 0; side < 2; ++side) {
-    const double* moment = input + side * BODY + IN_BODY_A_INERTIA_XX;
-    mass[side] = static_cast<T>(input[side * BODY]);
-    trace[side] = static_cast<T>(moment[0] + moment[3] + moment[5]);
+    const double* body = input + side * BODY;
+    mass[side] = static_cast<T>(body[BODY_MASS]);
+    trace[side] = static_cast<T>(body[BODY_INERTIA_XX] + body[BODY_INERTIA_YY] + body[BODY_INERTIA_ZZ]);
     if constexpr (layout == LAYOUT_ARTICULATED) {
       const double* inverse_inertia = input + INPUTS + side * INVERSE_INERTIA;
       double linear = linear_trace(inverse_inertia), angular = angular_trace(inverse_inertia);

@@ -5,9 +5,7 @@
 
 struct Plan {
   int law_without_friction, law_with_friction, geometry, first_precision, last_precision;
-  double settings[ROWS_OF_MODEL], errors[ROWS_OF_MODEL], target_bound, bound_limit;
-
-  double setting(int input) const { return settings[input - IN_MODEL_TANGENTIAL_RESTITUTION]; }
+  double settings[MODEL], errors[MODEL], target_bound, bound_limit;
 };
 
 // Plans of the last few models are cached. Models are told apart by identity. Python code, which may run whenever the
@@ -41,7 +39,7 @@ inline bool find_plan(PyObject* model, Plan& plan) {
   bool read = PyArg_ParseTuple(made, "iiiiiddOO", &plan.law_without_friction, &plan.law_with_friction, &plan.geometry,
                                &plan.first_precision, &plan.last_precision, &plan.target_bound, &plan.bound_limit,
                                &settings, &errors);
-  for (int k = 0; read && k < ROWS_OF_MODEL; ++k) {
+  for (int k = 0; read && k < MODEL; ++k) {
     plan.settings[k] = PyFloat_AsDouble(PyTuple_GET_ITEM(settings, k));
     plan.errors[k] = PyFloat_AsDouble(PyTuple_GET_ITEM(errors, k));
   }

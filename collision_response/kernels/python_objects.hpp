@@ -4,6 +4,8 @@
 #include <Python.h>
 #include <new>
 
+#include "constants.hpp"
+
 // Releases the GIL for the lifetime of the object.
 class ReleasedGil {
  public:
@@ -94,10 +96,12 @@ static inline PyObject* make_twist(const double* x) {
 // The contact with the coefficients that were used: another restitution, or no friction, where these differ.
 static inline PyObject* contact_as_used(PyObject* contact, double e, bool e_changed, bool without_friction) {
   if (!e_changed && !without_friction) return Py_NewRef(contact);
-  PyObject* used = new_tuple(python.contact, 5);
-  for (int k = 0; used && k < 5; ++k) {
-    bool changed = (k == 2 && e_changed) || (k == 3 && without_friction);
-    PyTuple_SET_ITEM(used, k, changed ? PyFloat_FromDouble(k == 2 ? e : 0) : Py_NewRef(PyTuple_GET_ITEM(contact, k)));
+  PyObject* used = new_tuple(python.contact, CONTACT_FIELDS);
+  for (int k = 0; used && k < CONTACT_FIELDS; ++k) {
+    PyObject* field = k == CONTACT_FIELD_RESTITUTION && e_changed       ? PyFloat_FromDouble(e)
+                      : k == CONTACT_FIELD_FRICTION && without_friction ? PyFloat_FromDouble(0)
+                                                                        : Py_NewRef(PyTuple_GET_ITEM(contact, k));
+    PyTuple_SET_ITEM(used, k, field);
   }
   return used;
 }

@@ -7,14 +7,13 @@
 
 namespace {
 
-bool is_articulated(PyObject* body) {
-  return PyTuple_Check(body) && PyTuple_GET_SIZE(body) == 8 && PyTuple_GET_ITEM(body, 7) != Py_None;
-}
+bool is_body(PyObject* o) { return PyTuple_Check(o) && PyTuple_GET_SIZE(o) == BODY_FIELDS; }
+bool is_articulated(PyObject* o) { return is_body(o) && PyTuple_GET_ITEM(o, BODY_FIELD_INVERSE_INERTIA) != Py_None; }
 
 // Read a body, from number i on. For an articulated one, its inverse inertia takes the place of mass, inertia,
 // orientation and centre of mass.
 bool read_body(PyObject* body, const InputBuffer& buffer, int i) {
-  if (!PyTuple_Check(body) || PyTuple_GET_SIZE(body) != 8) {
+  if (!is_body(body)) {
     std::string name(buffer.names[i]);
     name.resize(name.find('.'));
     bool is_message = !strcmp(Py_TYPE(body)->tp_name, "BodyState");
@@ -22,27 +21,26 @@ bool read_body(PyObject* body, const InputBuffer& buffer, int i) {
                                   : "; Body.dynamic(...) and Body.static() make one";
     return set_type_error(name + ": must be a Body,", body, hint);
   }
-  PyObject *orientation = PyTuple_GET_ITEM(body, 3), *inverse_inertia = PyTuple_GET_ITEM(body, 7);
+  auto item = [body](int field) { return PyTuple_GET_ITEM(body, field); };
+  PyObject *orientation = item(BODY_FIELD_ORIENTATION), *inverse_inertia = item(BODY_FIELD_INVERSE_INERTIA);
   bool rigid = inverse_inertia == Py_None;
   if (!rigid) {
     orientation = Py_None;
     std::fill_n(buffer.value + i, BODY, 0.0);
-    buffer.value[i] = INFINITY;
+    buffer.value[i + BODY_MASS] = INFINITY;
   }
-  bool read = (rigid ? read_number(PyTuple_GET_ITEM(body, 0), buffer, i) &&
-                           read_numbers<6>(PyTuple_GET_ITEM(body, 1), buffer, i + IN_BODY_A_INERTIA_XX)
-                     : read_numbers<INVERSE_INERTIA>(inverse_inertia, buffer, INPUTS + i / BODY * INVERSE_INERTIA)) &&
-              read_numbers<3>(PyTuple_GET_ITEM(body, 2), buffer, i + IN_BODY_A_POSITION_X) &&
-              (orientation == Py_None || read_numbers<4>(orientation, buffer, i + IN_BODY_A_ORIENTATION_X)) &&
-              read_numbers<3>(PyTuple_GET_ITEM(body, 4), buffer, i + IN_BODY_A_VELOCITY_X) &&
-              read_numbers<3>(PyTuple_GET_ITEM(body, 5), buffer, i + IN_BODY_A_ANGULAR_VELOCITY_X) &&
-              (!rigid || read_numbers<3>(PyTuple_GET_ITEM(body, 6), buffer, i + IN_BODY_A_COM_X));
   if (orientation == Py_None) {
-    double* q = buffer.value + i + IN_BODY_A_ORIENTATION_X;
-    q[0] = q[1] = q[2] = 0;
-    q[3] = 1;
+    std::fill_n(buffer.value + i + BODY_ORIENTATION_X, 3, 0.0);
+    buffer.value[i + BODY_ORIENTATION_W] = 1;
   }
-  return read;
+  return (rigid ? read_number(item(BODY_FIELD_MASS), buffer, i + BODY_MASS) &&
+                      read_numbers<6>(item(BODY_FIELD_INERTIA), buffer, i + BODY_INERTIA_XX)
+                : read_numbers<INVERSE_INERTIA>(inverse_inertia, buffer, INPUTS + i / BODY * INVERSE_INERTIA)) &&
+         read_numbers<3>(item(BODY_FIELD_POSITION), buffer, i + BODY_POSITION_X) &&
+         (orientation == Py_None || read_numbers<4>(orientation, buffer, i + BODY_ORIENTATION_X)) &&
+         read_numbers<3>(item(BODY_FIELD_VELOCITY), buffer, i + BODY_VELOCITY_X) &&
+         read_numbers<3>(item(BODY_FIELD_ANGULAR_VELOCITY), buffer, i + BODY_ANGULAR_VELOCITY_X) &&
+         (!rigid || read_numbers<3>(item(BODY_FIELD_COM), buffer, i + BODY_COM_X));
 }
 
 bool is_function(PyObject* o) { return !PyFloat_CheckExact(o) && PyCallable_Check(o); }
@@ -50,17 +48,18 @@ bool is_function(PyObject* o) { return !PyFloat_CheckExact(o) && PyCallable_Chec
 // Read a contact. Sets not_only_numbers if it has coefficients that are functions, or a tangential restitution: these
 // are not read.
 bool read_contact(PyObject* contact, const InputBuffer& buffer, bool* not_only_numbers) {
-  if (!PyTuple_Check(contact) || PyTuple_GET_SIZE(contact) != 5)
+  if (!PyTuple_Check(contact) || PyTuple_GET_SIZE(contact) != CONTACT_FIELDS)
     return set_type_error("contact: must be a Contact, made by Contact.of(...);", contact);
-  PyObject *e = PyTuple_GET_ITEM(contact, 2), *mu = PyTuple_GET_ITEM(contact, 3);
+  auto item = [contact](int field) { return PyTuple_GET_ITEM(contact, field); };
+  PyObject *e = item(CONTACT_FIELD_RESTITUTION), *mu = item(CONTACT_FIELD_FRICTION);
   bool e_is_function = is_function(e), mu_is_function = is_function(mu);
-  if (e_is_function) buffer.value[IN_CONTACT_RESTITUTION] = 1;
-  if (mu_is_function) buffer.value[IN_CONTACT_FRICTION] = 0;
-  *not_only_numbers = e_is_function || mu_is_function || PyTuple_GET_ITEM(contact, 4) != Py_None;
-  return read_numbers<3>(PyTuple_GET_ITEM(contact, 0), buffer, IN_CONTACT_POSITION_X) &&
-         read_numbers<3>(PyTuple_GET_ITEM(contact, 1), buffer, IN_CONTACT_NORMAL_X) &&
-         (e_is_function || read_number(e, buffer, IN_CONTACT_RESTITUTION)) &&
-         (mu_is_function || read_number(mu, buffer, IN_CONTACT_FRICTION));
+  if (e_is_function) buffer.value[IN_CONTACT + CONTACT_RESTITUTION] = 1;
+  if (mu_is_function) buffer.value[IN_CONTACT + CONTACT_FRICTION] = 0;
+  *not_only_numbers = e_is_function || mu_is_function || item(CONTACT_FIELD_TANGENTIAL_RESTITUTION) != Py_None;
+  return read_numbers<3>(item(CONTACT_FIELD_POSITION), buffer, IN_CONTACT + CONTACT_POSITION_X) &&
+         read_numbers<3>(item(CONTACT_FIELD_NORMAL), buffer, IN_CONTACT + CONTACT_NORMAL_X) &&
+         (e_is_function || read_number(e, buffer, IN_CONTACT + CONTACT_RESTITUTION)) &&
+         (mu_is_function || read_number(mu, buffer, IN_CONTACT + CONTACT_FRICTION));
 }
 
 // Read two bodies and a contact.
@@ -79,7 +78,7 @@ int raise_refusal(int status) {
 
 // `model` is a new reference.
 PyObject* make_impact(PyObject* contact, PyObject* model, const OneImpact& one, int status) {
-  PyObject* impact = new_tuple(python.impact, 20);
+  PyObject* impact = new_tuple(python.impact, IMPACT_FIELDS);
   if (!impact) {
     Py_DECREF(model);
     return nullptr;
@@ -90,16 +89,49 @@ PyObject* make_impact(PyObject* contact, PyObject* model, const OneImpact& one, 
   put(Py_NewRef(PyTuple_GET_ITEM(python.statuses, status)));
   put(one.contact_as_used(contact));
   put(model);
-  put(make_twist(result.reported));
-  put(make_twist(result.reported + 6));
-  put(make_twist(result.change + 3));
-  put(make_twist(result.change + 9));
+  for (int side = 0; side < 2; ++side) put(make_twist(result.twist_after(side)));
+  for (int side = 0; side < 2; ++side) put(make_twist(result.twist_change(side)));
   put(make_vec3(result.change));
   for (int k = OUT_NORMAL_IMPULSE; k <= OUT_ENERGY_LOST_FRICTION; ++k) put(PyFloat_FromDouble(result.reported[k]));
   put(Py_NewRef(PyTuple_GET_ITEM(python.regimes, static_cast<int>(result.reported[OUT_REGIME]))));
   put(PyFloat_FromDouble(result.error_bound));
   put(Py_NewRef(PyTuple_GET_ITEM(python.adjustments, one.adjustments())));
   return impact;
+}
+
+// Set the geometry: that of the plan, where AUTO is the smallest one that suffices. Return whether it suffices.
+bool find_geometry(const Plan& plan, OneImpact& impact) {
+  const bool frictionless = impact.law == LAW_FRICTIONLESS, *validity = impact.validity;
+  const bool is_point = validity[frictionless ? VALIDITY_POINT_IF_FRICTIONLESS : VALIDITY_POINT_SUFFICES];
+  const bool is_planar = validity[frictionless ? VALIDITY_PLANAR_IF_FRICTIONLESS : VALIDITY_PLANAR_SUFFICES];
+  impact.geometry = plan.geometry;
+  if (plan.geometry == GEOMETRY_AUTO)
+    impact.geometry = is_point ? GEOMETRY_POINT : is_planar ? GEOMETRY_PLANAR : GEOMETRY_SPATIAL;
+  // POINT moves in space, so PLANAR does not always suffice where POINT does.
+  return impact.geometry == GEOMETRY_SPATIAL || (impact.geometry == GEOMETRY_POINT ? is_point : is_planar);
+}
+
+// Compute the result in the first precision of the plan, then in the next ones, until its error bound is low enough.
+// Return whether there is a kernel; if not, a Python error is set.
+bool compute_result(const Plan& plan, const double* error, OneImpact& impact) {
+  ImpactResult& result = impact.result;
+  const ImpactKernelEntry* last = nullptr;
+  for (int precision = plan.first_precision; precision <= plan.last_precision; ++precision) {
+    const ImpactKernelEntry* next = find_impact_kernel(impact.law, impact.is_articulated, precision);
+    if (!next) {
+      PyErr_Format(PyExc_LookupError, "no kernel of law %d: is it newer than the build?", impact.law);
+      return false;
+    }
+    if (next == last) break;  // the law has one kernel for all precisions
+    ImpactResult more_exact;
+    compute_in_suitable_units(next->kernel, impact.is_articulated, next->precision == PRECISION_SINGLE, impact.input,
+                              error, last ? more_exact : result);
+    if (!last || all_finite(more_exact)) impact.precision = next->precision;
+    if (last && all_finite(more_exact)) result = more_exact;  // pairs of float64 overflow before float64 does
+    if (result.error_bound <= plan.target_bound) break;
+    last = next;
+  }
+  return true;
 }
 
 }  // namespace
@@ -115,45 +147,20 @@ int compute_one_impact(PyObject* const* request, const Plan& plan, OneImpact& im
   bool has_fraction = false, not_only_numbers;
   if (!read_request(request, {input, error, input_names, &has_fraction}, &not_only_numbers)) return RAISED;
   if (not_only_numbers) return HANDOVER_NOT_ONLY_NUMBERS;
-  for (int k = 0; k < ROWS_OF_MODEL; ++k) {
-    input[IN_MODEL_TANGENTIAL_RESTITUTION + k] = plan.settings[k];
-    error[IN_MODEL_TANGENTIAL_RESTITUTION + k] = plan.errors[k];
-  }
+  std::copy_n(plan.settings, MODEL, input + IN_MODEL);
+  std::copy_n(plan.errors, MODEL, error + IN_MODEL);
   double fault;
   (impact.is_articulated ? check_articulated : check_everything)(input, &fault, impact.validity);
   if (fault != 0 || request[0] == request[1]) return HANDOVER_INVALID;
 
-  impact.law = input[IN_CONTACT_FRICTION] > 0 ? plan.law_with_friction : plan.law_without_friction;
-  const bool frictionless = impact.law == LAW_FRICTIONLESS, *validity = impact.validity;
-  impact.leaves_out_friction = frictionless && input[IN_CONTACT_FRICTION] != 0;
-  const bool is_point = validity[frictionless ? VALIDITY_POINT_IF_FRICTIONLESS : VALIDITY_POINT_SUFFICES];
-  const bool is_planar = validity[frictionless ? VALIDITY_PLANAR_IF_FRICTIONLESS : VALIDITY_PLANAR_SUFFICES];
-  impact.geometry = is_point ? GEOMETRY_POINT : is_planar ? GEOMETRY_PLANAR : GEOMETRY_SPATIAL;
-  if (plan.geometry != GEOMETRY_AUTO) {
-    // POINT moves in space, so PLANAR does not always suffice where POINT does.
-    bool suffices = plan.geometry == GEOMETRY_POINT ? is_point : plan.geometry == GEOMETRY_SPATIAL || is_planar;
-    if (!suffices) return HANDOVER_GEOMETRY_TOO_SMALL;
-    impact.geometry = plan.geometry;
-  }
+  impact.law = input[IN_CONTACT + CONTACT_FRICTION] > 0 ? plan.law_with_friction : plan.law_without_friction;
+  const bool frictionless = impact.law == LAW_FRICTIONLESS;
+  impact.leaves_out_friction = frictionless && input[IN_CONTACT + CONTACT_FRICTION] != 0;
+  if (!find_geometry(plan, impact)) return HANDOVER_GEOMETRY_TOO_SMALL;
   if (has_fraction && frictionless && !impact.is_articulated) return HANDOVER_RATIONAL;
-  ImpactResult &result = impact.result, more_exact;
-  ImpactKernel last_kernel = nullptr;
-  for (int precision = plan.first_precision;; ++precision) {
-    const bool is_first = !last_kernel;
-    int used_precision = precision;
-    ImpactKernel kernel = find_impact_kernel(impact.law, impact.is_articulated, used_precision);
-    if (!kernel) {
-      PyErr_Format(PyExc_LookupError, "no kernel of law %d: is it newer than the build?", impact.law);
-      return RAISED;
-    }
-    if (kernel == last_kernel) break;  // the law has one kernel for all precisions
-    last_kernel = kernel;
-    compute_in_suitable_units(kernel, impact.is_articulated, used_precision == PRECISION_SINGLE, input, error,
-                              is_first ? result : more_exact);
-    if (is_first || all_finite(more_exact)) impact.precision = used_precision;
-    if (!is_first && all_finite(more_exact)) result = more_exact;  // pairs of float64 overflow before float64 does
-    if (result.error_bound <= plan.target_bound || precision == plan.last_precision) break;
-  }
+
+  if (!compute_result(plan, error, impact)) return RAISED;
+  const ImpactResult& result = impact.result;
   if (result.flags[FLAG_UNFINISHED]) return raise_refusal(STATUS_PATH_TOO_LONG);
   if (result.flags[FLAG_UNPHYSICAL]) return raise_refusal(STATUS_INTERNAL_ERROR);
   if (!all_finite(result))

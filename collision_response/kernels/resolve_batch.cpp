@@ -17,9 +17,8 @@ Batch from_column(const Batch& batch, int body_rows, long at, int size) {
   Batch moved = batch;
   for (int i = body_rows; i < ROWS; ++i)
     if (!moved.is_shared[i]) moved.row[i] = static_cast<const char*>(moved.row[i]) + at * size;
-  void** results = &moved.velocity[0][0];
-  for (int i = 0; i < RESULTS; ++i)
-    if (results[i]) results[i] = static_cast<char*>(results[i]) + at * size;
+  for (void*& result : moved.result)
+    if (result) result = static_cast<char*>(result) + at * size;
   moved.status += at;
   if (moved.regime) moved.regime += at;
   return moved;
@@ -31,7 +30,7 @@ template <class T>
 void compute_gathered(BatchKernel kernel, const Batch& batch, int body_rows, const ContactPairs& pairs, const T* table,
                       int rows, T* gathered, long from, long to) {
   // The first block is shorter, so that the results of the others begin where a cache line does.
-  const auto first = reinterpret_cast<std::uintptr_t>(static_cast<T*>(batch.velocity[0][0]) + from);
+  const auto first = reinterpret_cast<std::uintptr_t>(static_cast<T*>(batch.result[Batch::VELOCITY]) + from);
   long count = GATHER_BLOCK - static_cast<long>(first % CACHE_LINE / sizeof(T));
   for (long at = from; at < to; at += count, count = GATHER_BLOCK) {
     count = std::min(count, to - at);
@@ -73,7 +72,7 @@ struct BatchArrays {
     const char real = *settings.view.format;
     const Py_ssize_t n = count, axes = table.axes, spins = 3 - table.first_spin;
     bool report = result[REGIME].is_open();
-    bool valid = settings.has(real, {ROWS_OF_MODEL}) && result[VELOCITY].has(real, {axes, 2, n}) &&
+    bool valid = settings.has(real, {MODEL}) && result[VELOCITY].has(real, {axes, 2, n}) &&
                  result[ANGULAR_VELOCITY].has(real, {spins, 2, n}) && result[IMPULSE].has(real, {axes, n}) &&
                  result[STATUS].has('B', {n}) && result[ERROR_BOUND].is_open() == bounded &&
                  (!bounded || (result[ERROR_BOUND].has(real, {n}) && result[ERROR_BOUND + 1].has('B', {n}))) &&
@@ -116,7 +115,7 @@ struct BatchArrays {
     };
     auto absent = [&](int index) { put(index == ALL_ONE ? one : zero, true); };
     for (int side = 0; side < 2; ++side)
-      for (int i = 0; i < (general ? ROWS_OF_BODY : table.body_rows); ++i) {
+      for (int i = 0; i < (general ? BODY : table.body_rows); ++i) {
         int index = general ? table.body[i] : i;
         if (index < 0) absent(index);
         else
@@ -124,28 +123,29 @@ struct BatchArrays {
                               : bodies.row(2 * index + side),
               false);
       }
-    for (int i = 0; i < (general ? ROWS_OF_CONTACT : table.contact_rows); ++i) {
+    for (int i = 0; i < (general ? CONTACT : table.contact_rows); ++i) {
       int index = general ? table.contact[i] : i;
       if (index >= 0 && index < contact_rows) put(contacts.row(index), false);
       else absent(index);
     }
-    for (int i = 0; i < ROWS_OF_MODEL; ++i) {
+    for (int i = 0; i < MODEL; ++i) {
       // Tangential restitution, if each contact has its own.
-      bool has_own_row = i == 0 && contact_rows > table.contact_rows;
+      bool has_own_row = i == MODEL_TANGENTIAL_RESTITUTION && contact_rows > table.contact_rows;
       put(has_own_row ? contacts.row(table.contact_rows) : settings.at(i * size), !has_own_row);
     }
     for (int k = 0; k < 3; ++k) {
       for (int side = 0; side < 2; ++side) {
-        if (k < table.axes) batch.velocity[k][side] = result[VELOCITY].row(2 * k + side);
+        const int i = 2 * k + side;
+        if (k < table.axes) batch.result[Batch::VELOCITY + i] = result[VELOCITY].row(i);
         if (k >= table.first_spin)
-          batch.angular_velocity[k][side] = result[ANGULAR_VELOCITY].row(2 * (k - table.first_spin) + side);
+          batch.result[Batch::ANGULAR_VELOCITY + i] = result[ANGULAR_VELOCITY].row(i - 2 * table.first_spin);
       }
-      if (k < table.axes) batch.impulse[k] = result[IMPULSE].row(k);
+      if (k < table.axes) batch.result[Batch::IMPULSE + k] = result[IMPULSE].row(k);
     }
-    batch.error_bound = result[ERROR_BOUND].view.buf;
+    batch.result[Batch::ERROR_BOUND] = result[ERROR_BOUND].view.buf;
     batch.status = result[STATUS].at<unsigned char>();
     batch.regime = result[REGIME].at<unsigned char>();
-    for (int i = 0; i < ENERGIES; ++i) batch.energy[i] = result[ENERGY + i].view.buf;
+    for (int i = 0; i < ENERGIES; ++i) batch.result[Batch::ENERGY + i] = result[ENERGY + i].view.buf;
     return batch;
   }
 };
@@ -171,14 +171,14 @@ PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
       arrays.overwrite_results())
     Py_RETURN_NONE;
   if (arrays.overwrite_tables()) return PyErr_Format(PyExc_ValueError, "out: overlaps the input");
-  BatchKernel special = find_batch_kernel(law, layout, number_type);
-  bool general = !special;
-  BatchKernel kernel = special ? special : find_batch_kernel(law, LAYOUT_EVERYTHING, number_type);
-  if (!kernel) return PyErr_Format(PyExc_LookupError, "no kernel of law %d for numbers of kind %d", law, number_type);
+  const BatchKernelEntry* found = find_batch_kernel(law, layout, number_type);
+  if (!found) return PyErr_Format(PyExc_LookupError, "no kernel of law %d for numbers of kind %d", law, number_type);
 
-  alignas(CACHE_LINE) double gathered[2 * ROWS_OF_BODY * GATHER_BLOCK];  // the bodies of some contacts
+  const BatchKernel kernel = found->kernel;
+  const bool general = found->layout == LAYOUT_EVERYTHING;
+  alignas(CACHE_LINE) double gathered[2 * BODY * GATHER_BLOCK];  // the bodies of some contacts
   const Batch batch = arrays.make_batch(table, general, gathered);
-  int body_rows = 2 * (general ? ROWS_OF_BODY : table.body_rows), greatest_status = 0;
+  int body_rows = 2 * (general ? BODY : table.body_rows), greatest_status = 0;
   double greatest_bound = 0;
   {
     ReleasedGil released;
@@ -194,8 +194,9 @@ PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
       kernel(batch, from, to);
     }
     greatest_status = greatest(batch.status + from, batch.status + to);
-    for (long at = from; batch.error_bound && at < to; ++at) {
-      double bound = static_cast<const double*>(batch.error_bound)[at];
+    const auto* bounds = static_cast<const double*>(batch.result[Batch::ERROR_BOUND]);
+    for (long at = from; bounds && at < to; ++at) {
+      double bound = bounds[at];
       greatest_bound = bound <= greatest_bound ? greatest_bound : bound - bound == 0 ? bound : INFINITY;
     }
   }

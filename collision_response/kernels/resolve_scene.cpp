@@ -91,7 +91,7 @@ namespace {
 // A scene from Python.
 struct SceneRequest {
   std::vector<std::array<double, BODY>> bodies;
-  std::vector<std::array<double, 8>> contacts;
+  std::vector<std::array<double, CONTACT>> contacts;
   std::vector<std::int64_t> a, b, order, starts, cluster;
   std::unique_ptr<bool[]> movable;
   std::vector<char> has_contact;  // for each body
@@ -110,21 +110,23 @@ struct SceneRequest {
     has_contact.resize(of_bodies);
     for (long i = 0; i < of_bodies; ++i) {
       PyObject* body = PyTuple_GET_ITEM(body_list, i);
-      if (Py_TYPE(body) != python.body || PyTuple_GET_ITEM(body, 7) != Py_None || !read_body(body, bodies[i].data()))
+      if (Py_TYPE(body) != python.body || PyTuple_GET_ITEM(body, BODY_FIELD_INVERSE_INERTIA) != Py_None ||
+          !read_body(body, bodies[i].data()))
         return false;
-      movable[i] = bodies[i][0] < INFINITY;
+      movable[i] = bodies[i][BODY_MASS] < INFINITY;
     }
     for (long k = 0; k < n; ++k) {
       PyObject* contact = PyTuple_GET_ITEM(contact_list, k);
       std::int64_t pair[2];
-      if (Py_TYPE(contact) != python.contact || PyTuple_GET_ITEM(contact, 4) != Py_None ||
+      if (Py_TYPE(contact) != python.contact ||
+          PyTuple_GET_ITEM(contact, CONTACT_FIELD_TANGENTIAL_RESTITUTION) != Py_None ||
           !read_contact(contact, contacts[k].data()))
         return false;
       if (!read_pair(PyTuple_GET_ITEM(pair_list, k), of_bodies, pair)) return false;
       a[k] = pair[0];
       b[k] = pair[1];
       has_contact[a[k]] = has_contact[b[k]] = 1;
-      has_friction = has_friction || contacts[k][7] > 0;
+      has_friction = has_friction || contacts[k][CONTACT_FRICTION] > 0;
     }
     clusters = divide_into_clusters({a.data(), b.data(), of_bodies}, n, movable.get(), order.data(), starts.data(),
                                     cluster.data());
@@ -230,8 +232,9 @@ class SceneAnswer {
     }
     const ImpactResult& result = impact.result;
     if (!(result.error_bound <= plan.target_bound)) return false;
-    if (scene.movable[scene.a[k]]) put_body(scene.a[k], result.reported, result.change + 3);
-    if (scene.movable[scene.b[k]]) put_body(scene.b[k], result.reported + 6, result.change + 9);
+    const std::int64_t pair[] = {scene.a[k], scene.b[k]};
+    for (int side = 0; side < 2; ++side)
+      if (scene.movable[pair[side]]) put_body(pair[side], result.twist_after(side), result.twist_change(side));
     int regime = static_cast<int>(result.reported[OUT_REGIME]);
     put_contact(k, impact.contact_as_used(contact), result.change, result.reported[OUT_NORMAL_VELOCITY_BEFORE],
                 result.reported[OUT_NORMAL_VELOCITY_AFTER], regime);
@@ -268,8 +271,8 @@ class SceneAnswer {
       std::int64_t k = scene.order[from + i];
       const auto& given = scene.contacts[k];
       double e = result.restitution < 0 ? cluster.assembly.contacts[i].e : result.restitution;
-      PyObject* contact = contact_as_used(PyTuple_GET_ITEM(contacts, k), e, e != given[6],
-                                          options.law == LAW_FRICTIONLESS && given[7] != 0);
+      PyObject* contact = contact_as_used(PyTuple_GET_ITEM(contacts, k), e, e != given[CONTACT_RESTITUTION],
+                                          options.law == LAW_FRICTIONLESS && given[CONTACT_FRICTION] != 0);
       put_contact(k, contact, &effect.impulses[3 * i], effect.normal_velocities_before[i],
                   effect.normal_velocities_after[i], effect.regimes[i]);
     }
@@ -290,10 +293,10 @@ class SceneAnswer {
   // A body that is not movable, or has no contact. False if it is invalid, which a contact with a point mass tells.
   bool add_unchanged_body(std::size_t i) {
     const double none[6] = {};
-    put_body(static_cast<std::int64_t>(i), &scene.bodies[i][IN_BODY_A_VELOCITY_X], none);
+    put_body(static_cast<std::int64_t>(i), &scene.bodies[i][BODY_VELOCITY_X], none);
     if (scene.has_contact[i]) return true;
     std::array<double, BODY> point_mass{};
-    point_mass[0] = point_mass[IN_BODY_A_ORIENTATION_X + 3] = 1;
+    point_mass[BODY_MASS] = point_mass[BODY_ORIENTATION_W] = 1;
     const Cluster cluster({{scene.bodies[i], point_mass}, {{{0, 1}, {0, 0, 0, 1, 0, 0, 0, 0}, 1}}}, true);
     energies[0] += cluster.energy;
     energies[1] += cluster.energy;
@@ -328,8 +331,8 @@ PyObject* resolve_scene(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 5) return PyErr_Format(PyExc_TypeError, "resolve_scene() takes 5 arguments");
   Plan plan;
   if (!find_plan(args[3], plan)) return nullptr;
-  ClusterOptions options{0, PyFloat_AsDouble(args[4]), plan.setting(IN_MODEL_RESTITUTION_THRESHOLD),
-                         plan.setting(IN_MODEL_TANGENTIAL_RESTITUTION)};
+  ClusterOptions options{0, PyFloat_AsDouble(args[4]), plan.settings[MODEL_RESTITUTION_THRESHOLD],
+                         plan.settings[MODEL_TANGENTIAL_RESTITUTION]};
   if (PyErr_Occurred()) return nullptr;
   Tuple lists[3];
   for (int i = 0; i < 3; ++i) {

@@ -18,8 +18,9 @@ struct Units {
   }
 
   static Units of(const double* input, bool articulated) {
-    const double *a = input, *b = input + BODY, *point = input + IN_CONTACT_POSITION_X;
-    double mass = std::min(a[0], b[0]), heaviest = std::max(a[0], b[0]), articulated_length[2] = {};
+    const double *a = input, *b = input + BODY, *point = input + IN_CONTACT + CONTACT_POSITION_X;
+    double mass = std::min(a[BODY_MASS], b[BODY_MASS]), heaviest = std::max(a[BODY_MASS], b[BODY_MASS]),
+           articulated_length[2] = {};
     for (int side = 0; articulated && side < 2; ++side) {
       const double* inverse_inertia = input + INPUTS + side * INVERSE_INERTIA;
       double linear = linear_trace(inverse_inertia), angular = angular_trace(inverse_inertia);
@@ -31,25 +32,25 @@ struct Units {
     int mass_power = heaviest < INFINITY ? std::max(std::ilogb(mass), std::ilogb(heaviest) - 900) : std::ilogb(mass);
     double lengths[8], speeds[6];
     for (int k = 0; k < 3; ++k) {
-      lengths[k] = point[k] - a[IN_BODY_A_POSITION_X + k];
-      lengths[3 + k] = point[k] - b[IN_BODY_A_POSITION_X + k];
-      speeds[k] = a[IN_BODY_A_VELOCITY_X + k] - b[IN_BODY_A_VELOCITY_X + k];
+      lengths[k] = point[k] - a[BODY_POSITION_X + k];
+      lengths[3 + k] = point[k] - b[BODY_POSITION_X + k];
+      speeds[k] = a[BODY_VELOCITY_X + k] - b[BODY_VELOCITY_X + k];
     }
     for (int side = 0; side < 2; ++side) {
-      double trace = input[side * BODY + IN_BODY_A_INERTIA_XX] / 4 + input[side * BODY + IN_BODY_A_INERTIA_YY] / 4 +
-                     input[side * BODY + IN_BODY_A_INERTIA_ZZ] / 4;
-      lengths[6 + side] = trace > 0 ? std::sqrt(trace) / std::sqrt(input[side * BODY]) : articulated_length[side];
+      const double* body = input + side * BODY;
+      double trace = body[BODY_INERTIA_XX] / 4 + body[BODY_INERTIA_YY] / 4 + body[BODY_INERTIA_ZZ] / 4;
+      lengths[6 + side] = trace > 0 ? std::sqrt(trace) / std::sqrt(body[BODY_MASS]) : articulated_length[side];
     }
     int length = exponent(lengths, 8);
-    int spin = std::max(exponent(a + IN_BODY_A_ANGULAR_VELOCITY_X, 3), exponent(b + IN_BODY_A_ANGULAR_VELOCITY_X, 3));
+    int spin = std::max(exponent(a + BODY_ANGULAR_VELOCITY_X, 3), exponent(b + BODY_ANGULAR_VELOCITY_X, 3));
     bool spins = false;
     for (int k = 0; k < 3; ++k)
-      spins = spins || a[IN_BODY_A_ANGULAR_VELOCITY_X + k] != 0 || b[IN_BODY_A_ANGULAR_VELOCITY_X + k] != 0;
+      spins = spins || a[BODY_ANGULAR_VELOCITY_X + k] != 0 || b[BODY_ANGULAR_VELOCITY_X + k] != 0;
     int speed = exponent(speeds, 3);
     bool moves = speeds[0] != 0 || speeds[1] != 0 || speeds[2] != 0;
     if (spins) speed = moves ? std::max(speed, spin + length) : spin + length;
-    return {{-mass_power, -length, speed - length, -exponent(a + IN_BODY_A_ORIENTATION_X, 4),
-             -exponent(b + IN_BODY_A_ORIENTATION_X, 4), -exponent(input + IN_CONTACT_NORMAL_X, 3)}};
+    return {{-mass_power, -length, speed - length, -exponent(a + BODY_ORIENTATION_X, 4),
+             -exponent(b + BODY_ORIENTATION_X, 4), -exponent(input + IN_CONTACT + CONTACT_NORMAL_X, 3)}};
   }
 
   // The power of two that a quantity of these units is multiplied by.

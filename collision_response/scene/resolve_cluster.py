@@ -9,7 +9,7 @@ from ..geometry import suffices
 from ..in_python.request_numbers import body_as_fractions, contact_as_fractions
 from ..kernels import library
 from ..model import Adjustment, Geometry, ImpactModel, Precision
-from ..physics.laws import Law
+from ..physics.laws import CLUSTER_LAWS, Law
 from ..status import ImpactError, StatusCode
 from .assemble import ClusterParts, assemble
 from .cluster_answer import ClusterAnswer
@@ -20,9 +20,6 @@ from .in_kernels import resolve_in_kernels
 from .rational_cluster import RationalCluster
 from .reflections import contradiction
 from .request import SceneOptions, SceneRequest
-
-CLUSTER_LAWS = (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE)
-"""The laws that resolve several contacts at once."""
 
 
 def resolve_cluster(scene: SceneRequest, distinct: DistinctContacts, options: SceneOptions) -> ClusterAnswer:

@@ -44,13 +44,13 @@ struct Centre {
 
   explicit Centre(const double* body) {
     T in[BODY];
-    const int exponent = exponent_of(body + IN_BODY_A_ORIENTATION_X, 4);
+    const int exponent = exponent_of(body + BODY_ORIENTATION_X, 4);
     for (int i = 0; i < BODY; ++i) in[i] = Make<T>::constant(body[i]);
-    for (int i = IN_BODY_A_ORIENTATION_X; i < IN_BODY_A_ORIENTATION_X + 4; ++i)
+    for (int i = BODY_ORIENTATION_X; i < BODY_ORIENTATION_X + 4; ++i)
       in[i] = Make<T>::constant(std::ldexp(body[i], -exponent));
     centre<T>(in, numbers, &energy, &has_massless_spin);
-    std::copy_n(in + IN_BODY_A_POSITION_X, 3, x);
-    std::copy_n(in + IN_BODY_A_VELOCITY_X, 3, v);
+    std::copy_n(in + BODY_POSITION_X, 3, x);
+    std::copy_n(in + BODY_VELOCITY_X, 3, v);
   }
   Centre() = default;
 
@@ -82,10 +82,10 @@ struct AssembledBody {
   Centre<N> centre;
   Centre<double> centre_in_doubles;
 
-  bool is_movable() const { return x[0] < INFINITY; }
+  bool is_movable() const { return x[BODY_MASS] < INFINITY; }
   bool moves() const {
     for (int k = 0; k < 6; ++k)
-      if (x[IN_BODY_A_VELOCITY_X + k] != 0) return true;
+      if (x[BODY_VELOCITY_X + k] != 0) return true;
     return false;
   }
   bool rests() const { return !is_movable() && !moves(); }
@@ -103,10 +103,14 @@ struct AssembledBody {
   }
 };
 
+inline double trace_of_inertia(const double* body) {
+  return body[BODY_INERTIA_XX] + body[BODY_INERTIA_YY] + body[BODY_INERTIA_ZZ];
+}
+
 // The size of a twist change in the norm of error_bound, computed so that no square overflows or underflows.
 inline double twist_size(const double* body, const double* twist) {
-  double arm = (body[1] + body[4] + body[6]) / 3;
-  return std::hypot(std::sqrt(body[0]) * std::hypot(twist[0], twist[1], twist[2]),
+  double arm = trace_of_inertia(body) / 3;
+  return std::hypot(std::sqrt(body[BODY_MASS]) * std::hypot(twist[0], twist[1], twist[2]),
                     std::sqrt(arm) * std::hypot(twist[3], twist[4], twist[5]));
 }
 
@@ -114,11 +118,11 @@ inline double twist_size(const double* body, const double* twist) {
 // body.
 inline double norm_ratio(const AssembledBody& body) {
   const double* x = body.x;
-  double mass = x[0], moments[3] = {x[1], x[4], x[6]}, trace = x[1] + x[4] + x[6], c = 0;
-  for (int k = 0; k < 3; ++k) c += x[IN_BODY_A_COM_X + k] * x[IN_BODY_A_COM_X + k];
-  double shift = 2 * mass * c, base = c > 0 ? 2 : 1;
+  double moments[3] = {x[BODY_INERTIA_XX], x[BODY_INERTIA_YY], x[BODY_INERTIA_ZZ]}, trace = trace_of_inertia(x), c = 0;
+  for (int k = 0; k < 3; ++k) c += x[BODY_COM_X + k] * x[BODY_COM_X + k];
+  double shift = 2 * x[BODY_MASS] * c, base = c > 0 ? 2 : 1;
   if (!(trace > 0)) return std::sqrt(base);
-  const bool is_diagonal = x[2] == 0 && x[3] == 0 && x[5] == 0;
+  const bool is_diagonal = x[BODY_INERTIA_XY] == 0 && x[BODY_INERTIA_XZ] == 0 && x[BODY_INERTIA_YZ] == 0;
   double least = INFINITY, inverse = 0;  // the least moment that is not 0; the sum of the inverses of the moments
   for (int k = 0; k < 3; ++k) {
     const double* turn = body.centre_in_doubles.turn(k);

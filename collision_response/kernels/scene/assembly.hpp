@@ -20,17 +20,17 @@ struct Assembly {
   double separating_size = 0;
   bool is_locked = false;  // no velocity separates all contacts, as far as 32 digits can tell
 
-  // Add a contact, given as position, normal, e and mu. The places of its bodies are those among the movable ones.
+  // Add a contact, given by its numbers. The places of its bodies are those among the movable ones.
   void add(const AssembledBody& a, const AssembledBody& b, int place_a, int place_b, const double* given,
            double copies) {
     AssembledContact contact{{place_a, place_b}, {-1, -1}};
-    const int exponent = exponent_of(given + 3, 3);
+    const int exponent = exponent_of(given + CONTACT_NORMAL_X, 3);
     for (int k = 0; k < 3; ++k) {
-      contact.point[k] = given[k];
-      contact.normal[k] = std::ldexp(given[3 + k], -exponent);
+      contact.point[k] = given[CONTACT_POSITION_X + k];
+      contact.normal[k] = std::ldexp(given[CONTACT_NORMAL_X + k], -exponent);
     }
-    contact.e = given[6];
-    contact.mu = given[7];
+    contact.e = given[CONTACT_RESTITUTION];
+    contact.mu = given[CONTACT_FRICTION];
     contact.copies = copies;
     contact.length = std::sqrt(contact.normal[0] * contact.normal[0] + contact.normal[1] * contact.normal[1] +
                                contact.normal[2] * contact.normal[2]);
@@ -177,7 +177,7 @@ struct Assembly {
       both[side] = contact.body[side] >= 0   ? &bodies[contact.body[side]]
                    : contact.wall[side] >= 0 ? &walls[contact.wall[side]]
                                              : nullptr;
-    constexpr int V = IN_BODY_A_VELOCITY_X;
+    constexpr int V = BODY_VELOCITY_X;
     // A common velocity cancels: leave out its rounding.
     const bool is_common = both[0] && both[1] && std::equal(both[0]->x + V, both[0]->x + V + 3, both[1]->x + V);
     T velocity[2] = {};

@@ -16,7 +16,7 @@ constexpr Code UNDECIDED = STATUS_UNSET;  // fractions may know more: see scene/
 struct ClusterParts {
   struct Contact {
     int body[2];
-    double x[8], copies;
+    double x[CONTACT], copies;
   };
   std::vector<std::array<double, BODY>> bodies;
   std::vector<Contact> contacts;
@@ -33,8 +33,10 @@ struct ClusterParts {
   static bool is_copy(const Contact& one, const Contact& other) {
     bool turned = one.body[0] == other.body[1] && one.body[1] == other.body[0];
     if (!turned && !(one.body[0] == other.body[0] && one.body[1] == other.body[1])) return false;
-    for (int k = 0; k < 8; ++k)
-      if (one.x[k] != (turned && k >= 3 && k < 6 ? -other.x[k] : other.x[k])) return false;
+    for (int k = 0; k < CONTACT; ++k) {
+      bool is_of_normal = k >= CONTACT_NORMAL_X && k <= CONTACT_NORMAL_Z;
+      if (one.x[k] != (turned && is_of_normal ? -other.x[k] : other.x[k])) return false;
+    }
     return true;
   }
 };
@@ -91,19 +93,20 @@ struct Cluster {
     }
     assembly.contacts.reserve(parts.contacts.size());
     for (ClusterParts::Contact contact : parts.contacts) {
-      auto [a, b] = contact.body;
+      const auto [a, b] = contact.body;
+      double& mu = contact.x[CONTACT_FRICTION];
       // An invalid coefficient stays invalid.
-      if (frictionless && contact.x[7] < INFINITY) contact.x[7] = std::fmin(contact.x[7], 0);
+      if (frictionless && mu < INFINITY) mu = std::fmin(mu, 0);
       double in[INPUTS] = {}, found;
       bool flags[VALIDITY_FLAGS];
       std::copy(given[a].x, given[a].x + BODY, in);
       std::copy(given[b].x, given[b].x + BODY, in + BODY);
-      std::copy(contact.x, contact.x + 8, in + IN_CONTACT_POSITION_X);
+      std::copy(contact.x, contact.x + CONTACT, in + IN_CONTACT);
       validity<double>(in, nullptr, &found, flags);
       fault = static_cast<int>(found);
       if (fault) return;
       has_off_unit_orientation = has_off_unit_orientation || flags[VALIDITY_IS_OFF_UNIT];
-      has_friction = has_friction || contact.x[7] > 0;
+      has_friction = has_friction || mu > 0;
       assembly.add(given[a], given[b], movable_place[a], movable_place[b], contact.x, contact.copies);
     }
     assembly.finish();
@@ -116,12 +119,8 @@ struct ClusterOptions {
   double threshold, restitution_threshold, tangential_restitution;
   SpringOptions springs{};
 
-  // Whether the law resolves several contacts at once, as CLUSTER_LAWS of scene/resolve_cluster.py says. If not, Python
-  // raises the error.
-  bool is_for_clusters() const {
-    return (law == LAW_FRICTIONLESS || law == LAW_COULOMB || law == LAW_MOREAU || law == LAW_ROUTH_STRONGE) &&
-           tangential_restitution == 0;
-  }
+  // Whether the law resolves several contacts at once. If not, Python raises the error.
+  bool is_for_clusters() const { return law < LAW_COUNT && is_cluster_law[law] && tangential_restitution == 0; }
   // Whether copies of a contact count as one contact.
   bool merges_copies() const { return law != LAW_ROUTH_STRONGE; }
 };

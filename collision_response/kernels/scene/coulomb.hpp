@@ -62,8 +62,7 @@ inline Vector nearly_least_norm(const Assembly& assembly, const Vector& p) {
       if (contact.wall[side] >= 0) {
         cone.body[side] = walls;
         for (int k = 0; k < 6 && fastest > 0; ++k)
-          cone.row[side][0][0] += contact.scale / fastest *
-                                  assembly.walls[contact.wall[side]].x[IN_BODY_A_VELOCITY_X + k] *
+          cone.row[side][0][0] += contact.scale / fastest * assembly.walls[contact.wall[side]].x[BODY_VELOCITY_X + k] *
                                   value(contact.jacobian[side][k]);
       }
     programme.cones.push_back(cone);

@@ -77,7 +77,7 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
     for (int k = 0; k < 6; ++k) change[k] += high(sums[6 * b + k]);
     double moved[BODY];
     std::copy(body, body + BODY, moved);
-    for (int k = 0; k < 6; ++k) moved[IN_BODY_A_VELOCITY_X + k] += change[k];
+    for (int k = 0; k < 6; ++k) moved[BODY_VELOCITY_X + k] += change[k];
     effect.energies[0] += assembly.bodies[b].centre_in_doubles.energy;
     effect.energies[1] += Centre<double>(moved).energy;
     double lost[6];
@@ -87,7 +87,7 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
     largest = std::fmax(largest, twist_size(body, change));
     rounding = std::fmax(rounding, twist_size(body, lost));
     worst = std::fmax(worst, error * norm_ratio(assembly.bodies[b]));
-    std::copy_n(moved + IN_BODY_A_VELOCITY_X, 6, &effect.twists[6 * b]);
+    std::copy_n(moved + BODY_VELOCITY_X, 6, &effect.twists[6 * b]);
   }
   std::vector<N> u;
   if (!has_friction) u = assembly.velocities(p);

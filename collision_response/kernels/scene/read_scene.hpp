@@ -14,20 +14,26 @@ inline bool read_floats(PyObject* o, int count, double* x) {
   return true;
 }
 inline bool read_body(PyObject* o, double* x) {
-  if (!PyTuple_Check(o) || PyTuple_GET_SIZE(o) != 8) return false;
-  auto item = [o](int k) { return PyTuple_GET_ITEM(o, k); };
-  double* q = x + IN_BODY_A_ORIENTATION_X;
-  q[0] = q[1] = q[2] = 0;
-  q[3] = 1;
-  return read_exact_float(item(0), x[0]) && read_floats(item(1), 6, x + IN_BODY_A_INERTIA_XX) &&
-         read_floats(item(2), 3, x + IN_BODY_A_POSITION_X) && (item(3) == Py_None || read_floats(item(3), 4, q)) &&
-         read_floats(item(4), 3, x + IN_BODY_A_VELOCITY_X) &&
-         read_floats(item(5), 3, x + IN_BODY_A_ANGULAR_VELOCITY_X) && read_floats(item(6), 3, x + IN_BODY_A_COM_X);
+  if (!PyTuple_Check(o) || PyTuple_GET_SIZE(o) != BODY_FIELDS) return false;
+  auto item = [o](int field) { return PyTuple_GET_ITEM(o, field); };
+  PyObject* orientation = item(BODY_FIELD_ORIENTATION);
+  x[BODY_ORIENTATION_X] = x[BODY_ORIENTATION_Y] = x[BODY_ORIENTATION_Z] = 0;
+  x[BODY_ORIENTATION_W] = 1;
+  return read_exact_float(item(BODY_FIELD_MASS), x[BODY_MASS]) &&
+         read_floats(item(BODY_FIELD_INERTIA), 6, x + BODY_INERTIA_XX) &&
+         read_floats(item(BODY_FIELD_POSITION), 3, x + BODY_POSITION_X) &&
+         (orientation == Py_None || read_floats(orientation, 4, x + BODY_ORIENTATION_X)) &&
+         read_floats(item(BODY_FIELD_VELOCITY), 3, x + BODY_VELOCITY_X) &&
+         read_floats(item(BODY_FIELD_ANGULAR_VELOCITY), 3, x + BODY_ANGULAR_VELOCITY_X) &&
+         read_floats(item(BODY_FIELD_COM), 3, x + BODY_COM_X);
 }
 inline bool read_contact(PyObject* o, double* x) {
-  return PyTuple_Check(o) && PyTuple_GET_SIZE(o) == 5 && read_floats(PyTuple_GET_ITEM(o, 0), 3, x) &&
-         read_floats(PyTuple_GET_ITEM(o, 1), 3, x + 3) && read_exact_float(PyTuple_GET_ITEM(o, 2), x[6]) &&
-         read_exact_float(PyTuple_GET_ITEM(o, 3), x[7]);
+  if (!PyTuple_Check(o) || PyTuple_GET_SIZE(o) != CONTACT_FIELDS) return false;
+  auto item = [o](int field) { return PyTuple_GET_ITEM(o, field); };
+  return read_floats(item(CONTACT_FIELD_POSITION), 3, x + CONTACT_POSITION_X) &&
+         read_floats(item(CONTACT_FIELD_NORMAL), 3, x + CONTACT_NORMAL_X) &&
+         read_exact_float(item(CONTACT_FIELD_RESTITUTION), x[CONTACT_RESTITUTION]) &&
+         read_exact_float(item(CONTACT_FIELD_FRICTION), x[CONTACT_FRICTION]);
 }
 
 // Read the indices of two different bodies.

@@ -32,7 +32,7 @@ struct TableClusters {
         x[i] = table.body[i] < 0 ? table.body[i] == ALL_ONE : bodies[table.body[i] * pairs.bodies + b];
     };
     auto contact = [this](std::int64_t k, double* x) {
-      for (int i = 0; i < 8; ++i)
+      for (int i = 0; i < CONTACT; ++i)
         x[i] = table.contact[i] < 0 || table.contact[i] >= rows ? 0 : contacts[table.contact[i] * count + k];
     };
     ClusterParts parts = take_parts(pairs, first, last, place, used, body, contact);

@@ -6,12 +6,15 @@ from collections.abc import Iterable
 from itertools import chain
 from typing import Any
 
+from ...answer import Impact
 from ...impact import Flags, Report
 from ...model import Adjustment, Geometry, Precision
 from ...numbers.operations import numbers_in
+from ...physics.body import Body
+from ...physics.contact import Contact
 from ...physics.effective_mass import ContactNumbers
 from ...physics.inverse_inertia import InverseInertia
-from ...physics.laws import LAWS, Coefficients, Law, Regime, Settings
+from ...physics.laws import CLUSTER_LAWS, LAWS, Coefficients, Law, Regime, Settings
 from ...physics.tensor import ZERO_TENSOR
 from ...physics.vector import ZERO
 from ...status import StatusCode
@@ -57,7 +60,7 @@ struct TableLayout {{
   int axes, first_spin;         // number of axes of velocities; first axis of rotation, 3 if there is none
   // Where the layout EVERYTHING finds its rows: the index of each row, or, for a row that the table lacks,
   // ALL_ZERO or ALL_ONE: its numbers are all 0 or 1.
-  int body[ROWS_OF_BODY], contact[ROWS_OF_CONTACT];
+  int body[BODY], contact[CONTACT];
 }};
 """
 
@@ -69,36 +72,41 @@ def constants() -> str:
     changes = ["x.impulse"] * 3 + twists
     reported = twists + [f"x.{field}" for field in Report._fields[2:]]
     numbers = {
+        **_places("BODY", names_of_body(Layout.EVERYTHING), "BODY"),
+        **_places("CONTACT", names_of_contact(Layout.EVERYTHING), "CONTACT"),
+        **_places("MODEL", Settings._fields, "MODEL"),
+        **_places("INVERSE_INERTIA", InverseInertia._fields, "INVERSE_INERTIA"),
+        **_places("FLAG", Flags._fields, "FLAGS"),
+        **_places("BODY_FIELD", Body._fields, "BODY_FIELDS"),
+        **_places("CONTACT_FIELD", Contact._fields, "CONTACT_FIELDS"),
+        **{f"OUT_{field.upper()}": i for i, field in enumerate(Report._fields[2:], len(twists))},
+        "IN_CONTACT": next(i for i, name in enumerate(inputs) if name.startswith("contact.")),
+        "IN_MODEL": next(i for i, name in enumerate(inputs) if name.startswith("model.")),
         "INPUTS": len(inputs),
-        "INVERSE_INERTIA": len(InverseInertia._fields),
         "ALL_INPUTS": len(all_inputs),
-        "BODY": len(names_of_body(Layout.EVERYTHING)),
         "CHANGES": len(changes),
         "REPORTED": len(reported),
-        "FLAGS": len(Flags._fields),
-        "LAW_COUNT": max(LAWS) + 1,
+        "IMPACT_FIELDS": len(Impact._fields),
         "VALIDITY_FLAGS": len(ValidityFlag),
+        "LAW_COUNT": max(LAWS) + 1,
         "REFLECTIONS": REFLECTIONS,
     }
-    numbers |= {f"IN_{name.replace('.', '_').upper().rstrip('_')}": i for i, name in enumerate(inputs)}
-    numbers |= {f"OUT_{field.upper()}": 12 + i for i, field in enumerate(Report._fields[2:])}
-    numbers |= {f"FLAG_{field.upper()}": i for i, field in enumerate(Flags._fields)}
     for prefix, enumeration in ENUMERATIONS.items():
         numbers |= {f"{prefix}_{member.name}": int(member) for member in enumeration}
     numbers |= {f"LAYOUT_{layout.name}": layout.number for layout in Layout}
     formulas = list(FORMULAS)
     numbers |= {f"FORMULA_{formula.upper()}": i for i, formula in enumerate(formulas)}
     formula_of = [formulas.index(LAWS[law].__name__) if law in LAWS else -1 for law in Law]
+    is_cluster_law = [int(law in CLUSTER_LAWS) for law in Law]
     enumerators = "".join(f"  {name} = {value},\n" for name, value in numbers.items())
     quoted = ", ".join('"' + name.rstrip(".") + '"' for name in all_inputs)
     table_layouts = "".join(f"  {_table_layout(layout)},\n" for layout in LAYOUTS_OF_TABLES)
     return (
         f"enum {{\n{enumerators}}};\n"
-        f"enum {{ ROWS_OF_BODY = BODY, ROWS_OF_CONTACT = {len(names_of_contact(Layout.EVERYTHING))}, "
-        f"ROWS_OF_MODEL = {len(Settings._fields)} }};\n"
         f"{offsets('LAW_INPUT', *LAW_ARGUMENTS)}"
         f"#define EACH_FORMULA(X) {' '.join(f'X({formula})' for formula in formulas)}\n"
-        f"static const signed char formula_of[] = {{{', '.join(map(str, formula_of))}}};  // by law\n"
+        f"static const signed char formula_of[] = {_braced(formula_of)};  // by law\n"
+        f"static const bool is_cluster_law[] = {_braced(is_cluster_law)};\n"
         f"{TABLE_LAYOUT}"
         f"constexpr TableLayout table_layouts[] = {{\n{table_layouts}}};  // by layout\n"
         f"static const char* const input_names[] = {{{quoted}}};\n"
@@ -106,6 +114,12 @@ def constants() -> str:
         f"{_unit_table('change_units', changes)}"
         f"{_unit_table('reported_units', reported)}"
     )
+
+
+def _places(prefix: str, names: Iterable[str], count: str) -> dict[str, int]:
+    """The place of each name in an array or a named tuple, and how many there are."""
+    places = {f"{prefix}_{name.replace('.', '_').rstrip('_').upper()}": i for i, name in enumerate(names)}
+    return {**places, count: len(places)}
 
 
 def _unit_table(name: str, quantities: list[str]) -> str:

@@ -42,4 +42,18 @@ PATHS = (Law.ROUTH_POISSON, Law.ROUTH_STRONGE, Law.COMPLIANT)
 STEPPED = (Law.COMPLIANT,)
 """The laws that always integrate in steps. More digits do not improve them, so one kernel serves all."""
 
-__all__ = ["BY_SPEED", "LAWS", "PATHS", "STEPPED", "Coefficients", "Law", "Outcome", "Regime", "Settings"]
+CLUSTER_LAWS = (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE)
+"""The laws that resolve clusters of several contacts, too; ``kernels/scene/cluster.hpp`` calls them."""
+
+__all__ = [
+    "BY_SPEED",
+    "CLUSTER_LAWS",
+    "LAWS",
+    "PATHS",
+    "STEPPED",
+    "Coefficients",
+    "Law",
+    "Outcome",
+    "Regime",
+    "Settings",
+]
