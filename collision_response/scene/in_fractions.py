@@ -50,33 +50,35 @@ def decide(
         ImpactError: CONTRADICTORY_CONTACTS, if no velocities keep all contacts from approaching.
     """
     law, is_small = options.law, len(parts.contacts) <= RATIONAL_CONTACTS
+    has_exact_impulses = is_small and law is not Law.ROUTH_STRONGE
     if cluster.is_locked:
         _check_for_contradiction(cluster, parts)
     if cluster.approach_is_uncertain and not (cluster.is_locked and is_small):
         approaches = _has_approach(parts)
-        if not approaches or has_friction or law is Law.ROUTH_STRONGE or not is_small:
+        if not (approaches and has_exact_impulses and not has_friction):
             # No contact approaches, so no impulse is right. Or fractions cannot tell: then its error has no
             # bound.
             nothing = Decided([0.0] * len(parts.contacts), error=math.inf if approaches else 0.0)
             return resolve_in_kernels(cluster, parts, options, Law.FRICTIONLESS, nothing)
-    if law is Law.ROUTH_STRONGE or not is_small:
+    if not has_exact_impulses:
         return resolve_in_kernels(cluster, parts, options, law, NOTHING_DECIDED)
-    exact = _in_fractions(parts)
-    if not has_friction:
-        return _resolve_decided(cluster, parts, options, law, exact)
-    if law is not Law.MOREAU:
-        return _resolve_decided(cluster, parts, options, Law.COULOMB, exact)
-    if exact.can_rebound():
+    return _resolve_from_exact_impulses(cluster, parts, options, has_friction)
+
+
+def _resolve_from_exact_impulses(
+    cluster: library.Cluster, parts: ClusterParts, options: SceneOptions, has_friction: bool
+) -> ClusterResult:
+    """Return the result in the kernels from the impulses without friction in fractions.
+
+    MOREAU with friction does not start from these. Where it has an answer, that is the result.
+    """
+    exact, law, falls_back = _in_fractions(parts), options.law, has_friction and options.law is Law.MOREAU
+    if falls_back and exact.can_rebound():
         result = resolve_in_kernels(cluster, parts, options, law, NOTHING_DECIDED)
         if not result.fell_back:
             return result
-    return _resolve_decided(cluster, parts, options, Law.COULOMB, exact)._replace(fell_back=True)
-
-
-def _resolve_decided(
-    cluster: library.Cluster, parts: ClusterParts, options: SceneOptions, law: Law, exact: RationalCluster
-) -> ClusterResult:
-    """Return the result in the kernels from the impulses without friction in fractions."""
+    if has_friction:
+        law = Law.COULOMB
     impulses = _without_friction(exact, law, options.threshold)
     decided = Decided(
         list(map(float, exact.least_norm(impulses.normal))),
@@ -85,7 +87,7 @@ def _resolve_decided(
         no_rebound=impulses.no_rebound,
     )
     result = resolve_in_kernels(cluster, parts, options, law, decided)
-    return result._replace(fell_back=impulses.fell_back)
+    return result._replace(fell_back=impulses.fell_back or falls_back)
 
 
 def _without_friction(cluster: RationalCluster, law: Law, threshold: Scalar) -> RationalImpulses:
