@@ -5,7 +5,10 @@ from __future__ import annotations
 import ctypes
 import math
 import re
+import subprocess
+import sys
 from itertools import product
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
@@ -20,7 +23,7 @@ from random_impacts import RandomImpacts
 from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, resolve
 from collision_response.impact import ImpactNumbers, impact
 from collision_response.kernels.layout import Layout, names_of_body
-from collision_response.kernels.tracer import headers
+from collision_response.kernels.tracer import headers, trace
 from collision_response.kernels.tracer.branches import BRANCHES
 from collision_response.kernels.tracer.constants import FORMULAS
 from collision_response.kernels.tracer.emit import emit
@@ -684,3 +687,12 @@ def test_kernels_give_the_bits_of_the_formulas_on_the_contacts_of_batches(law, g
         for i in range(FIRST_FAULTY)
     ]
     assert sum(answered) > 90
+
+
+def test_what_is_traced_is_older_than_an_edit_meanwhile(tmp_path):
+    """Otherwise the next build would leave out the edit."""
+    tracer = Path(trace.__file__)
+    package = tracer.parent.parent.parent
+    subprocess.run([sys.executable, "-IB", tracer, package, tmp_path, "constants"], check=True)
+    written = {path.suffix: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
+    assert written[".hpp"] == written[".stamp"] < written[".d"]

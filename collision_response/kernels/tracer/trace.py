@@ -7,14 +7,19 @@
 * ``lists``: prints CMake code that sets lists of the formulas, targets and headers.
 
 ``FOLDER/TARGET.d`` lists the modules that the headers depend on: if one changes, the build runs this again.
-A header whose text stays the same is not written, so that nothing that includes it is compiled again.
+What is written is dated back to before the modules were read, so that an edit meanwhile counts as a change. A
+header whose text stays the same is not written, so that nothing that includes it is compiled again.
 """
 
 from __future__ import annotations
 
+import os
 import sys
+import time
 import types
 from pathlib import Path
+
+START = time.time_ns()
 
 
 def main(package: Path, folder: Path, target: str) -> None:
@@ -33,15 +38,20 @@ def main(package: Path, folder: Path, target: str) -> None:
     for name, body in headers.headers_of(target).items():
         header, text = folder / f"{name}.hpp", headers.HEAD + body()
         if not header.exists() or header.read_text() != text:
-            header.write_text(text)
+            _write(header, text)
     modules = sorted(
         module.__file__
         for name, module in sys.modules.items()
         if name.startswith("collision_response.") and module.__file__
     )
     stamp = folder / f"{target}.stamp"
-    stamp.touch()
+    _write(stamp, "")
     Path(folder / f"{target}.d").write_text(f"{stamp}: {' '.join(modules)}\n")
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text)
+    os.utime(path, ns=(START, START))
 
 
 if __name__ == "__main__":
