@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import islice
+from typing import Any
 
 from .physics.body import Body
 from .physics.inverse_inertia import InverseInertia
@@ -51,15 +53,21 @@ def body_from_numbers(numbers: Sequence[float], inverse_inertia: Sequence[float]
             is rigid.
     """
     is_rigid = inverse_inertia is None or math.isnan(inverse_inertia[0])
-    orientation = Quaternion(*numbers[13:17])
+    left = iter(numbers)
+
+    def take(kind: Any) -> Any:
+        return kind(*islice(left, len(kind._fields)))
+
+    mass, inertia, com, position = next(left), take(Symmetric3), take(Vec3), take(Vec3)
+    orientation, velocity, angular_velocity = take(Quaternion), take(Vec3), take(Vec3)
     return Body(
-        numbers[0],
-        Symmetric3(*numbers[1:7]),
-        Vec3(*numbers[10:13]),
+        mass,
+        inertia,
+        position,
         None if orientation == IDENTITY_QUATERNION else orientation,
-        Vec3(*numbers[17:20]),
-        Vec3(*numbers[20:23]),
-        Vec3(*numbers[7:10]),
+        velocity,
+        angular_velocity,
+        com,
         None if is_rigid else InverseInertia(*inverse_inertia or ()),
     )
 

@@ -44,8 +44,6 @@ from .physics.contact import Contact
 from .physics.laws import BY_SPEED, Law, Regime
 from .status import ImpactError, StatusCode
 
-TOLERANCE_NOT_MET = StatusCode.TOLERANCE_NOT_MET
-
 
 def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel = DEFAULT) -> Impact:
     """Compute the impact of two bodies: their twists afterwards, and how exact these are.
@@ -231,7 +229,7 @@ def _resolve_reduced(body_a: Body, body_b: Body, contact: Contact, model: Impact
     except OverflowError:  # a fraction beyond float64
         raise library.refusal(StatusCode.OUT_OF_RANGE) from None
     return reduced._replace(
-        status=reduced.status if bound <= bound_limit(model) else TOLERANCE_NOT_MET,
+        status=reduced.status if bound <= bound_limit(model) else StatusCode.TOLERANCE_NOT_MET,
         twist_a=_twist_after(body_a, reduced.change_a),
         twist_b=_twist_after(body_b, reduced.change_b),
         kinetic_energy_before=energy_before,

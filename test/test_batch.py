@@ -716,6 +716,14 @@ def test_results_may_lie_between_each_other_in_memory():
     assert_same(resolve_batch(bodies, contacts, report=True, out=mixed), expected)
 
 
+def test_results_are_compared_by_identity():
+    """The truth value of arrays that are compared would be an error."""
+    batch = shared_batch(Geometry.POINT)
+    one, other = resolve_batch(*batch), resolve_batch(*batch)
+    assert (one == one, one == other, one != one, one != other) == (True, False, False, True)
+    assert len({one, other, one}) == 2
+
+
 @pytest.mark.parametrize("workers", [1, 2, np.int64(2), np.uint8(3)])
 def test_workers_may_be_any_integer_type(workers):
     bodies, contacts = shared_batch(Geometry.SPATIAL)

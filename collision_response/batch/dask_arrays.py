@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 
 from ..model import ImpactModel
-from .other_arrays import as_numpy, is_lazy
+from .arrays import Array, as_numpy, is_lazy
 from .pairs import check_pairs
 from .plan import plan_for
 from .result import BatchResult
-
-Array = np.ndarray[Any, Any]
 
 
 def resolve_lazily(

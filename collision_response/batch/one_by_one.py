@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
@@ -17,11 +16,10 @@ from ..physics.tensor import ZERO_TENSOR, Symmetric3
 from ..physics.vector import ZERO, Vec3
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
+from .arrays import Array
 from .plan import BatchRequest
 from .result import REPORT, BatchResult
 from .rows import BodyRows, ContactRows
-
-Array = np.ndarray[Any, Any]
 
 
 def resolve_one_by_one(request: BatchRequest, out: BatchResult, columns: Array) -> Iterator[None]:

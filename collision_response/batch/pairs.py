@@ -28,11 +28,9 @@ import numpy as np
 
 from ..kernels import library
 from ..status import StatusCode
-from .other_arrays import as_numpy, converter_like, is_lazy
+from .arrays import Array, as_numpy, converter_like, is_lazy
 from .result import BatchResult
 from .rows import rows_of
-
-Array = np.ndarray[Any, Any]
 
 IS_ANSWER = np.zeros(256, np.bool_)
 IS_ANSWER[[code for code in StatusCode if code.is_answer]] = True

@@ -8,13 +8,11 @@ import numpy as np
 
 from ..kernels.protocol import NumberType
 from ..model import Geometry, ImpactModel, Law, ModelPlan, Precision, check_model, law_for, plan_model
-from ..physics.laws import PATHS, STEPPED, Settings
+from ..physics.laws import PATHS, STEPPED
 from ..status import ImpactError, StatusCode
-from .other_arrays import check_unmasked
+from .arrays import Array, check_unmasked
 from .result import BatchResult, is_bounded, result_fields
 from .rows import TABLE_LAYOUTS, Layout
-
-Array = np.ndarray[Any, Any]
 
 _PRECISIONS = {
     np.dtype(np.float32): (Precision.SINGLE,),
@@ -128,7 +126,7 @@ def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> B
         layout=layout,
         model=model._replace(law=law, geometry=geometry),
         number_type=number_type,
-        settings=np.array([getattr(model, name) for name in Settings._fields], dtype),
+        settings=np.array(model_plan.settings, dtype),
         model_plan=model_plan,
     )
 

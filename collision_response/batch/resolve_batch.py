@@ -36,14 +36,13 @@ from ..kernels import library
 from ..kernels.protocol import NumberType
 from ..model import DEFAULT, LARGEST_BOUND, ImpactModel, Precision, settled_bound
 from ..status import StatusCode, format_value
+from .arrays import Array, as_numpy, converter_like, is_lazy, library_of
 from .dask_arrays import resolve_lazily
 from .one_by_one import resolve_one_by_one
-from .other_arrays import as_numpy, converter_like, is_lazy, library_of
 from .pairs import as_pairs
 from .plan import BatchRequest
 from .result import BatchResult
 
-Array = np.ndarray[Any, Any]
 T = TypeVar("T")
 
 CONTACTS_PER_WORKER = 1024

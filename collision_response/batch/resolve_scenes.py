@@ -35,19 +35,18 @@ from ..physics.laws import PATHS
 from ..scene import resolve_scene
 from ..scene.reflections import THRESHOLD
 from ..status import ImpactError, StatusCode
+from .arrays import Array, check_unmasked, compared_by_identity
 from .one_by_one import body_of, contact_of
-from .other_arrays import check_unmasked
 from .pairs import IS_ANSWER, as_pairs
 from .plan import BatchRequest
 from .resolve_batch import resolve_batch, run_in_parts
 from .result import ENERGIES, UINT8
 
-Array = np.ndarray[Any, Any]
-
 CLUSTERS_PER_WORKER = 64
 """With fewer clusters, another worker takes longer to start than it saves."""
 
 
+@compared_by_identity
 class ScenesResult(NamedTuple):
     """The results of :func:`resolve_scenes`, as in :class:`~collision_response.SceneImpact`.
 

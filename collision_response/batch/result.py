@@ -8,12 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..model import ImpactModel, Precision
+from .arrays import compared_by_identity
 from .rows import BodyRows
 
 UINT8 = np.dtype(np.uint8)
 FLOAT64 = np.dtype(np.float64)
 
 
+@compared_by_identity
 class BatchResult(NamedTuple):
     """The results of :func:`~collision_response.batch.resolve_batch`.
 

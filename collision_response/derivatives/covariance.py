@@ -14,11 +14,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ..arguments import check_number
+from ..batch.arrays import Array, compared_by_identity
 from ..body_conversions import orientation_of
 from ..model import DEFAULT, ImpactModel
 from ..physics.body import Body
@@ -41,12 +42,11 @@ from .saltation import (
 )
 from .surfaces import SurfaceMotion, Surfaces, unit_normal
 
-Array = np.ndarray[Any, Any]
-
 LIKELY_DEVIATIONS = 2.0
 """Number of standard deviations within which all impacts must have the same regime."""
 
 
+@compared_by_identity
 class CovarianceAfter(NamedTuple):
     """The covariance after an impact, and whether to trust it.
 

@@ -13,13 +13,13 @@ from enum import IntEnum
 from functools import lru_cache
 from operator import attrgetter
 from struct import Struct
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ..answer import Impact
 from ..batch import BatchResult, resolve_batch
-from ..batch.other_arrays import as_numpy
+from ..batch.arrays import Array, as_numpy, compared_by_identity
 from ..batch.pairs import IS_ANSWER
 from ..batch.rows import TABLE_LAYOUTS
 from ..kernels import _derivatives, library
@@ -38,8 +38,6 @@ from ..physics.contact import Contact
 from ..physics.laws import Settings
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode, format_value
-
-Array = np.ndarray[Any, Any]
 
 _settings_of = attrgetter(*Settings._fields)
 _PACKED_SETTINGS = Struct(f"{len(Settings._fields)}d")
@@ -84,6 +82,7 @@ class Smoothness(IntEnum):
     """Nowhere nearby: the answer itself jumps at this input."""
 
 
+@compared_by_identity
 class Derivatives(NamedTuple):
     """An impact and its Jacobian.
 
@@ -117,6 +116,7 @@ class Derivatives(NamedTuple):
         return part
 
 
+@compared_by_identity
 class BatchDerivatives(NamedTuple):
     """Many impacts and their derivatives.
 

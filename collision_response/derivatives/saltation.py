@@ -28,6 +28,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..arguments import check_number
+from ..batch.arrays import Array
 from ..body_conversions import com_in_world_axes
 from ..in_python.request_numbers import read_request
 from ..model import DEFAULT, Adjustment, ImpactModel
@@ -39,8 +40,6 @@ from ..resolve import resolve
 from ..status import ImpactError, StatusCode
 from .differentiate import Derivatives, Smoothness, check_coefficients, differentiate
 from .surfaces import SurfaceMotion, Surfaces, unit_normal
-
-Array = np.ndarray[Any, Any]
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.80665)
 

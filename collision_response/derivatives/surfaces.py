@@ -22,13 +22,13 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from ..arguments import check_number
+from ..batch.arrays import Array, compared_by_identity
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..status import ImpactError, StatusCode
 
-Array = np.ndarray[Any, Any]
 
-
+@compared_by_identity
 class SurfaceMotion(NamedTuple):
     """How the contact point and the normal move with the poses ``q``, and the point with the normal.
 

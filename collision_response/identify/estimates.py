@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..batch.arrays import Array
 from .least_squares import NEGLIGIBLE_SQUARES, RANGES, LeastSquares
-from .measurements import Array
 
 LARGE_COEFFICIENT = 1e3
 """Stands for infinity where a coefficient without an upper limit is tried at its limit."""

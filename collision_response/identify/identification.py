@@ -9,12 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arguments import check_count, check_number
+from ..batch.arrays import Array, compared_by_identity
 from ..materials import RANGES as LIMITS
 from ..model import Law
 from ..status import ImpactError, StatusCode
 from .estimates import Estimate, estimates, undetermined
 from .least_squares import LOSSES, NEGLIGIBLE_SQUARES, PRECISION, RANGES, LeastSquares, residual_unit
-from .measurements import Array, Impacts, Measurements, informative
+from .measurements import Impacts, Measurements, informative
 
 LAWS = tuple(law for law in Law if law is not Law.AUTO)
 """The laws that can be fitted."""
@@ -33,6 +34,7 @@ DISAGREEMENT = 3.0
 only noise."""
 
 
+@compared_by_identity
 class Identification(NamedTuple):
     """A law fitted to measured impacts.
 

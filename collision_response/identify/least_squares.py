@@ -9,10 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..batch.arrays import Array
 from ..model import Law
 from ..optional import missing
 from ..status import ImpactError, StatusCode
-from .measurements import Array, Measurements
+from .measurements import Measurements
 
 
 class Range(NamedTuple):

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..arguments import check_number
 from ..batch import body_rows, contact_rows, resolve_batch
+from ..batch.arrays import Array
 from ..body_conversions import com_in_world_axes, orientation_of, with_com_as_reference
 from ..in_python.request_numbers import read_request
 from ..model import Geometry, ImpactModel, Law
@@ -25,7 +26,6 @@ from ..physics.vector import Vec3, as_vector
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
 
-Array = np.ndarray[Any, Any]
 CoefficientValues = Mapping[str, float]
 """Values by name: restitution, friction, or a field of :class:`~collision_response.ImpactModel`."""
 

@@ -20,11 +20,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..batch import BatchResult, is_bounded
+from ..batch.arrays import Array
 from ..batch.result import result_fields
 from ..batch.rows import body_rows
 from ..model import DEFAULT, Geometry, ImpactModel
 from .convert import error_from, model_of, write_model
-from .tables import LAYOUTS, Array, Request, Response, append, as_indices, as_lines, result_in, view_of
+from .tables import LAYOUTS, Request, Response, append, as_indices, as_lines, result_in, view_of
 
 LAYOUT_OF = {layout.bodies.height: number for number, layout in LAYOUTS.items()}
 """Number of the layout, by the number of rows in its table of bodies."""

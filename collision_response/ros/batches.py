@@ -17,6 +17,7 @@ import numpy as np
 from builtin_interfaces.msg import Time
 
 from ..batch import BatchResult
+from ..batch.arrays import Array
 from ..batch.plan import BatchRequest, plan_for
 from ..batch.resolve_batch import resolve_with_pauses
 from ..batch.rows import Layout
@@ -37,7 +38,7 @@ from .body_lookup import (
 from .parameters import LatestParameters
 from .round_robin import Steps
 from .states import LatestStates
-from .tables import LAYOUTS, Array, Request, Response, number_of_names, result_in, table_in, zeros_in
+from .tables import LAYOUTS, Request, Response, number_of_names, result_in, table_in, zeros_in
 
 
 class BatchBodies(NamedTuple):

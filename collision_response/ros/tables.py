@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from ..batch import BatchResult
+from ..batch.arrays import Array
 from ..batch.rows import TABLE_LAYOUTS
 from ..srv import ResolveCollisionBatch
 from ..status import ImpactError, StatusCode
 
-Array = np.ndarray[Any, Any]
 Request, Response = ResolveCollisionBatch.Request, ResolveCollisionBatch.Response
 
 LAYOUTS = {getattr(Request, layout.name): layout for layout in TABLE_LAYOUTS.values()}

@@ -1,13 +1,23 @@
-"""Arrays that are not NumPy's: lazy ones of Dask, and those of any library with the Array API."""
+"""Arrays of NumPy and of other libraries: lazy ones of Dask, and those of any library with the Array API."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
-Array = np.ndarray[Any, Any]
+Array: TypeAlias = np.ndarray[Any, Any]
+"""An array of NumPy."""
+
+T = TypeVar("T")
+
+
+def compared_by_identity(result: type[T]) -> type[T]:
+    """Decorate a named tuple of arrays. It would compare arrays, but whether these are equal is an array."""
+    for name in ("__eq__", "__ne__", "__hash__"):
+        setattr(result, name, getattr(object, name))
+    return result
 
 
 def as_numpy(name: str, array: Any) -> Array:
