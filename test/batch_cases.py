@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 from collisions import Collision
+from random_impacts import RandomImpacts
 
 from collision_response import (
     Body,
@@ -15,6 +16,7 @@ from collision_response import (
     Geometry,
     ImpactError,
     ImpactModel,
+    Law,
     Precision,
     Regime,
     StatusCode,
@@ -23,7 +25,7 @@ from collision_response import (
 from collision_response.batch import BatchResult
 from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.kernels.layout import NO_ROWS
-from collision_response.physics.vector import Vec3
+from collision_response.physics.vector import ZERO, Vec3
 
 GEOMETRIES = (Geometry.POINT, Geometry.PLANAR, Geometry.SPATIAL)
 ANSWERED = (StatusCode.OK, StatusCode.SEPARATING)
@@ -222,3 +224,21 @@ def assert_same_values(one: BatchResult, other: BatchResult) -> None:
     assert_same(
         one._replace(error_bound=None, precision=None), other._replace(error_bound=None, precision=None)
     )
+
+
+def ill_conditioned(law: Law, decades: float, count: int = 120):
+    """Return random collisions and their models, and the same collisions as a batch."""
+    impacts = RandomImpacts(seed=int(decades), decades=decades)
+    drawn = [impacts.request(law) for _ in range(count)]
+    collisions = [
+        Collision(
+            body_a._replace(com=ZERO),
+            body_b._replace(com=ZERO),
+            contact._replace(friction=0.0) if law is Law.FRICTIONLESS else contact,
+        )
+        for (body_a, body_b, contact), _ in drawn
+    ]
+    models = [model._replace(geometry=Geometry.AUTO) for _, model in drawn]
+    bodies, contacts = batch_of(collisions)
+    of_their_own = [model.tangential_restitution for model in models]
+    return collisions, models, bodies, np.vstack([contacts, of_their_own])

@@ -53,6 +53,18 @@ class Collision(NamedTuple):
         return exact_answer(*self, ImpactModel(law))
 
 
+BODY_A = Body.dynamic(
+    2.0, (0.03, 0.002, -0.001, 0.05, 0.003, 0.06), (0.1, 0.2, 0.9), (0.1, -0.2, 0.3, 0.9), (0.5, -0.3, -1.2),
+    (1.0, -2.0, 0.5),
+)  # fmt: skip
+BODY_B = Body.dynamic(
+    3.0, (0.08, -0.004, 0.002, 0.07, 0.005, 0.09), (-0.05, 0.1, -0.8), (-0.3, 0.1, 0.2, 0.8), (-0.1, 0.2, 0.4),  # noqa: E501
+    (0.3, 0.7, -1.0),
+)  # fmt: skip
+CONTACT = Contact.of((0.02, 0.05, 0.1), (0.1, -0.2, 1.0), 0.7, 0.2)
+"""Two rotating bodies in general axes, struck off-centre; they slide by every law."""
+
+
 def _numbers(least: float, most: float):
     return st.floats(least, most, allow_subnormal=False)
 

@@ -8,7 +8,9 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import Log
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -17,8 +19,10 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 
-from collision_response import Body, Contact
+from collision_response import Body, Contact, Geometry, ImpactModel, Precision
+from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.msg import BodyState
+from collision_response.ros.batch_client import pack
 from collision_response.ros.node import CollisionResponseNode
 from collision_response.ros.server import SERVICE_QOS
 from collision_response.srv import ResolveCollision, ResolveCollisionBatch, ResolveScene
@@ -93,6 +97,19 @@ class Graph:
         texts: list[str] = []
         self.user.create_subscription(Log, "/rosout", lambda log: texts.append(log.msg), LATCHED)
         return texts
+
+    def diagnostics(self) -> Callable[[], Any]:
+        """Subscribe to the diagnostics; return a function that gives the last status and its values."""
+        received = self.listen(DiagnosticArray, "/diagnostics")
+
+        def last():
+            for message in reversed(received):
+                (status,) = message.status
+                if status.name.startswith(self.namespace):
+                    return status, {value.key: value.value for value in status.values}
+            return None
+
+        return last
 
     def call_async(self, request: Any) -> Any:
         """Send a request to its service, once the service is available."""
@@ -190,3 +207,16 @@ def state_of(body: Body) -> BodyState:
 def _fill(message: Any, components: Any) -> None:
     for axis, value in zip("xyzw", components, strict=False):
         setattr(message, axis, float(value))
+
+
+EXTENDED = ImpactModel(precision=Precision.EXTENDED)
+
+
+def falling(n, model=EXTENDED):
+    """A batch in which one mass strikes the ground ``n`` times."""
+    body_row, contact_row = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    bodies, contacts = np.zeros((body_row.height, 2)), np.zeros((contact_row.height, n))
+    bodies[body_row.mass] = [[2.0, np.inf]]
+    bodies[body_row.velocity][2] = [-3.0, 0.0]
+    contacts[contact_row.normal][2], contacts[contact_row.restitution] = 1.0, 0.3
+    return pack(bodies, [np.zeros(n), np.ones(n)], contacts, model)

@@ -86,6 +86,18 @@ def box(
     return Scene([body, Body.static()], [(0, 1)] * 4, contacts)
 
 
+def tower(count: int, e: Any = 0.0, mu: Any = 0.0, slip: float = 0.0) -> Scene:
+    """Cubes on each other that fall on a floor, on four corners each; each slides faster than those below."""
+    corners = [(x, y) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
+    bodies = [
+        Body.box(1.0, (1, 1, 1), position=(0, 0, i + 0.5), velocity=(slip * (i + 1), 0, -1))
+        for i in range(count)
+    ]
+    pairs = [(i, i - 1 if i else count) for i in range(count) for _ in corners]
+    contacts = [Contact.of((x, y, i), (0, 0, 1), e, mu) for i in range(count) for x, y in corners]
+    return Scene([*bodies, Body.static()], pairs, contacts)
+
+
 def rotate(q: Quaternion, v) -> Vec3:
     """``v`` rotated by ``q``."""
     return q.rotation().to_world(Vec3(*v))
@@ -301,3 +313,16 @@ def assert_within_bound(scene: Scene, answer: SceneImpact, exact: SceneImpact) -
             errors.append(math.hypot(*(w * x for w, x in zip(roots, off, strict=True))))
             sizes.append(math.hypot(*(w * float(x) for w, x in zip(roots, right, strict=True))))
         assert max(errors) <= answer.error_bound * max(sizes) * (1 + 1e-9)
+
+
+def reordered(scene: Scene, turn: int) -> Scene:
+    """The same contacts in another order, some with their bodies swapped."""
+    count = len(scene.pairs)
+    order = [(i * 7 + turn) % count for i in range(count)] if count % 7 else list(reversed(range(count)))
+    pairs, contacts = [], []
+    for place, i in enumerate(order):
+        (a, b), contact = scene.pairs[i], scene.contacts[i]
+        other_side = place % 2 == 0
+        pairs.append((b, a) if other_side else (a, b))
+        contacts.append(contact._replace(normal=-Vec3(*contact.normal)) if other_side else contact)
+    return Scene(scene.bodies, pairs, contacts)

@@ -92,7 +92,8 @@ def test_a_constant_may_be_a_number_of_any_type(function, name, number):
     given = FUNCTIONS[function]
     of_floats, of_others = function(**given), function(**given | {name: number(given[name])})
     for same in (of_others, pickle.loads(pickle.dumps(of_others))):
-        assert [same(v) for v in (0.0, 0.5, 3.0)] == [of_floats(v) for v in (0.0, 0.5, 3.0)]
+        found = [same(v) for v in (0.0, 0.5, 3.0)]
+        assert (found, {*map(type, found)}) == ([of_floats(v) for v in (0.0, 0.5, 3.0)], {float})
 
 
 @pytest.mark.parametrize("function", FUNCTIONS, ids=lambda function: function.__name__)
@@ -140,6 +141,9 @@ def test_the_speeds_of_a_table_must_rise_as_floats(table):
     for speeds in ([-1, 0], [0, -1.0]):
         with refused(StatusCode.INVALID_COEFFICIENT, None, "must be at least 0"):
             table(speeds, [0.5, 0.5])
+    for value, code in ((-1.0, StatusCode.INVALID_COEFFICIENT), (math.inf, StatusCode.NOT_FINITE)):
+        with refused(code, "values[1]"):
+            table([0, 1], [0.5, value])
 
 
 @each_table

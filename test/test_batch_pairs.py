@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import doctest
 import math
-import runpy
 from fractions import Fraction
 from itertools import product
 
@@ -27,7 +26,6 @@ from batch_cases import (
     shared_batch,
 )
 from collisions import LAWS_WITH_ORACLE
-from test_examples import EXAMPLES
 
 import collision_response.batch.pairs
 from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, Regime, StatusCode, resolve
@@ -48,7 +46,7 @@ KINDS = [
 ]
 SHARED_PAIRS = np.arange(2 * N).reshape(2, N)
 """The pairs of the shared batch: columns of its body table."""
-MODELS = [ImpactModel(), ImpactModel(tolerance=1e-14), ImpactModel(precision=Precision.EXTENDED)]
+PAIR_MODELS = [ImpactModel(), ImpactModel(tolerance=1e-14), ImpactModel(precision=Precision.EXTENDED)]
 REPORT = BatchResult._fields[BatchResult._fields.index("regime") :]
 
 body_row, contact_row = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
@@ -74,7 +72,7 @@ def crowded_table(seed: int = 0, contacts: int = 1000, bodies: int = 60) -> tupl
 # pairs
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", PAIR_MODELS)
 @pytest.mark.parametrize(("geometry", "oriented"), KINDS)
 def test_pairs_give_the_answers_of_bodies_side_by_side(geometry, oriented, model):
     bodies, contacts = shared_batch(geometry, oriented=oriented)
@@ -139,7 +137,7 @@ def test_float32():
     )
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", PAIR_MODELS)
 def test_no_contacts_and_no_bodies(model):
     table, _, contacts = crowded_table()
     none = resolve_batch(table, contacts[:, :0], model, pairs=np.empty((2, 0), int))
@@ -550,20 +548,6 @@ def test_a_cradle_passes_on_its_momentum_exactly():
 
 def test_the_docstring_examples_run():
     assert doctest.testmod(collision_response.batch.pairs).failed == 0
-
-
-def test_the_example_of_a_step_keeps_momentum_and_gains_no_energy():
-    example = runpy.run_path(str(EXAMPLES / "step_of_arrays.py"))
-    steps = example["steps"](balls=60, count=40, seed=1)
-    momenta = np.array([step.momentum for step in steps])
-    energies = np.array([step.energy for step in steps])
-    contacts = [step.contacts for step in steps]
-    assert sum(contacts) > 60
-    assert abs(momenta - momenta[0]).max() < 1e-12 * np.sqrt(2 * energies[0] * 60)
-    assert (np.diff(energies) <= 1e-12 * energies[0]).all()
-    lost = sum(step.lost for step in steps[1:])
-    assert lost == pytest.approx(energies[0] - energies[-1], rel=1e-9)
-    assert lost > 0.05 * energies[0]
 
 
 def test_pairs_may_be_unaligned():

@@ -19,13 +19,13 @@ from batch_cases import (
     batch_of,
     collisions_at,
     columns,
+    ill_conditioned,
     resolve_one_by_one,
     shared_batch,
 )
 from collisions import CLOSED_FORM_LAWS, LAWS_WITH_ORACLE, PATH_LAWS, Collision
 from exact import impulse_error
 from exact_adapter import exact_answer
-from random_impacts import RandomImpacts
 
 from collision_response import (
     Body,
@@ -39,30 +39,12 @@ from collision_response import (
     StatusCode,
 )
 from collision_response.batch import body_rows, contact_rows, resolve_batch
-from collision_response.physics.vector import ZERO, Vec3
+from collision_response.physics.vector import Vec3
 
 BOX = Body.box(1.0, (1.0, 0.5, 0.25))
 CORNER = Contact.of((0.25, 0.125, -0.125), normal=(0.0, 0.0, 1.0), friction=0.3)
 DOUBLE = ImpactModel(precision=Precision.DOUBLE, tolerance=1e300)
 """Report bounds, and never recompute with more digits."""
-
-
-def ill_conditioned(law: Law, decades: float, count: int = 120):
-    """Return random collisions and their models, and the same collisions as a batch."""
-    impacts = RandomImpacts(seed=int(decades), decades=decades)
-    drawn = [impacts.request(law) for _ in range(count)]
-    collisions = [
-        Collision(
-            body_a._replace(com=ZERO),
-            body_b._replace(com=ZERO),
-            contact._replace(friction=0.0) if law is Law.FRICTIONLESS else contact,
-        )
-        for (body_a, body_b, contact), _ in drawn
-    ]
-    models = [model._replace(geometry=Geometry.AUTO) for _, model in drawn]
-    bodies, contacts = batch_of(collisions)
-    of_their_own = [model.tangential_restitution for model in models]
-    return collisions, models, bodies, np.vstack([contacts, of_their_own])
 
 
 def impulse_errors(collisions, models, result, rows) -> list[float]:

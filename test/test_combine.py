@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 from collision_response.numbers.operations import square_root
 from collision_response.physics.combine import CombineRule, combine
 
+pytest.importorskip("yaml")
+
 coefficients = st.just(0.0) | st.floats(1e-100, 1)
 every_rule = pytest.mark.parametrize("rule", CombineRule)
 
@@ -95,3 +97,17 @@ def test_rules_are_exact_in_fractions():
 def test_an_unknown_rule_is_refused(rule):
     with pytest.raises(TypeError, match=r"^rule: must be one of CombineRule.AVERAGE, "):
         combine(rule, 0.5, 0.5)
+
+
+def test_the_energetic_rule_gives_the_energy_lost_in_two_springs():
+    """Spring a takes k_b / (k_a + k_b) of the energy of compression, and gives back e_a^2 of that."""
+    k_a, k_b, e_a, e_b = map(Fraction, (2, 5, "3/5", "4/5"))
+    kept = (k_b * e_a**2 + k_a * e_b**2) / (k_a + k_b)
+    e = combine(CombineRule.ENERGETIC, float(e_a), float(e_b), float(k_a), float(k_b))
+    assert e**2 == pytest.approx(float(kept), rel=1e-15)
+
+
+def test_the_harmonic_mean():
+    assert combine(CombineRule.HARMONIC_MEAN, 0.5, 0.125) == 0.2
+    assert combine(CombineRule.HARMONIC_MEAN, 0.0, 0.0) == 0.0
+    assert combine(CombineRule.HARMONIC_MEAN, 0.0, 0.7) == 0.0

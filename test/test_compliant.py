@@ -471,9 +471,6 @@ def test_the_stiffness_ratio_of_two_materials():
     steel, rubber = Elastic(0.3, 80e9), Elastic(0.5, 1e6)
     assert stiffness_ratio(steel, rubber) == pytest.approx(2 / 3, rel=1e-4)
     assert stiffness_ratio(Elastic(0.1, math.inf), rubber) == stiffness_ratio(rubber, rubber)
-    for wrong in (Elastic(0.6), Elastic(-1.0), Elastic(0.3, 0.0), Elastic(0.3, math.nan)):
-        with pytest.raises(ValueError, match=r"^a\.(poisson_ratio|shear_modulus): must be "):
-            stiffness_ratio(wrong, rubber)
     with pytest.raises(ValueError, match="rigid"):
         stiffness_ratio(Elastic(0.1, math.inf), Elastic(0.3, math.inf))
 

@@ -45,3 +45,17 @@ def test_a_cube_loses_energy_and_comes_to_rest_on_a_face():
     up = cube.to_body(Vec3(0.0, 0.0, 1.0))
     assert max(abs(x) for x in up) == pytest.approx(1, abs=1e-3)
     assert cube.position.z == pytest.approx(example["SIDE"] / 2, abs=1e-3)
+
+
+def test_the_example_of_a_step_keeps_momentum_and_gains_no_energy():
+    example = runpy.run_path(str(EXAMPLES / "step_of_arrays.py"))
+    steps = example["steps"](balls=60, count=40, seed=1)
+    momenta = np.array([step.momentum for step in steps])
+    energies = np.array([step.energy for step in steps])
+    contacts = [step.contacts for step in steps]
+    assert sum(contacts) > 60
+    assert abs(momenta - momenta[0]).max() < 1e-12 * np.sqrt(2 * energies[0] * 60)
+    assert (np.diff(energies) <= 1e-12 * energies[0]).all()
+    lost = sum(step.lost for step in steps[1:])
+    assert lost == pytest.approx(energies[0] - energies[-1], rel=1e-9)
+    assert lost > 0.05 * energies[0]

@@ -10,11 +10,19 @@ import pytest
 pytest.importorskip("flint")
 
 import numpy as np
-from batch_cases import ANSWERED, FIRST_FAULTY, GEOMETRIES, N, collision_at, resolve_one_by_one, shared_batch
+from batch_cases import (
+    ANSWERED,
+    FIRST_FAULTY,
+    GEOMETRIES,
+    N,
+    collision_at,
+    ill_conditioned,
+    resolve_one_by_one,
+    shared_batch,
+)
 from collisions import CLOSED_FORM_LAWS, Collision
 from exact import Fraction, dot, impulse_error, length, plus, times
 from exact_adapter import exact_answer
-from test_batch_tolerance import ill_conditioned
 
 from collision_response import Geometry, ImpactModel, Law, Precision, StatusCode
 from collision_response.batch import BatchResult, resolve_batch

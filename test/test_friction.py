@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from decimal import Decimal
 from fractions import Fraction
 
-import numpy as np
 import pytest
 from refusals import refused
 
@@ -25,7 +23,6 @@ from collision_response import (
 from collision_response.derivatives import differentiate
 from collision_response.in_python.coefficients_at_speed import initial_slip_speed
 from collision_response.physics.friction import stribeck, tabulated
-from collision_response.physics.restitution import johnson, plastic, power_law, viscoelastic
 
 FLOOR = Body.static()
 ONCE = (Law.AUTO, Law.COULOMB, Law.MOREAU)
@@ -52,42 +49,6 @@ def test_stribeck_falls_from_the_static_to_the_kinetic_coefficient():
 def test_a_table_is_interpolated_and_may_exceed_1():
     mu = tabulated([0.5, 1.5], [2.0, 1.0])
     assert [mu(v) for v in (0.0, 0.5, 0.75, 1.5, 9.0)] == [2.0, 2.0, 1.75, 1.0, 1.0]
-
-
-@pytest.mark.parametrize("number", [Decimal, Fraction, np.float32, np.array])
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda x: stribeck(x(0.5), x(0.25), x(0.125)),
-        lambda x: tabulated([x(0.125), x(1.5)], [x(0.5), x(0.25)]),
-        lambda x: viscoelastic(x(0.125)),
-        lambda x: plastic(x(0.125)),
-        lambda x: johnson(x(0.125)),
-        lambda x: power_law(x(0.5), x(1.5), x(0.25)),
-    ],
-)
-def test_constants_may_be_numbers_of_every_type(make, number):
-    for v in (0.0, 0.1, 0.3, 2.0):
-        found = make(number)(v)
-        assert (type(found), found) == (float, make(float)(v))
-
-
-@pytest.mark.parametrize(
-    ("make", "arguments", "wrong"),
-    [
-        (stribeck, (-0.1, 0.2, 1.0), "static"),
-        (stribeck, (0.1, math.nan, 1.0), "kinetic"),
-        (stribeck, (0.1, 0.2, 0.0), "speed"),
-        (stribeck, (0.1, 0.2, math.inf), "speed"),
-        (tabulated, ([], []), "speeds"),
-        (tabulated, ([0.0, 0.0], [1.0, 1.0]), r"^speeds\[1\]: must be greater than the speed before"),
-        (tabulated, ([0.0], [-1.0]), "-1"),
-        (tabulated, ([0.0], [math.inf]), "inf"),
-    ],
-)
-def test_invalid_constants_are_refused(make, arguments, wrong):
-    with pytest.raises(ValueError, match=wrong):
-        make(*arguments)
 
 
 @pytest.mark.parametrize("law", ONCE)

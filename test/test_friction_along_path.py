@@ -14,7 +14,7 @@ pytest.importorskip("scipy")
 
 from oracle.routh_by_speed import routh_by_speed
 from refusals import refused
-from test_routh import FAMILIES
+from routh_problems import FAMILIES
 
 from collision_response import (
     Body,

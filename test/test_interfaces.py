@@ -99,3 +99,20 @@ def test_a_default_constructed_message_is_not_a_success():
     assert msg.BodyState().inertia.m == 0.0
     assert msg.BodyState().restitution < 0 and msg.BodyState().friction < 0
     assert msg.Contact().restitution < 0 and msg.Contact().friction < 0
+
+
+SAFE = re.compile(r"sequence<(double|float|u?int(16|32|64))(, \d+)?>")
+
+
+def sequences(message, path=""):
+    for name, kind in message.get_fields_and_field_types().items():
+        if kind.startswith("sequence"):
+            yield f"{path}{name}", kind
+        elif "/" in kind and "[" not in kind:
+            yield from sequences(type(getattr(message(), name)), f"{path}{name}.")
+
+
+@pytest.mark.parametrize("name", [name for name in dir(srv) if name[0].isupper() and "_" not in name])
+def test_requests_hold_no_sequences_of_bytes_strings_or_messages(name):
+    request = getattr(srv, name).Request
+    assert [(field, kind) for field, kind in sequences(request) if not SAFE.fullmatch(kind)] == []

@@ -14,23 +14,21 @@ from functools import partial
 from operator import attrgetter
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 pytest.importorskip("rclpy")
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.service import Service
-from ros_graph import DEADLINE, assign, balls_meet, wait_until
+from ros_graph import DEADLINE, assign, balls_meet, falling, wait_until
 
-from collision_response import Body, Contact, Geometry, ImpactError, ImpactModel, Precision, StatusCode
-from collision_response.batch.rows import body_rows, contact_rows
+from collision_response import Body, Contact, ImpactError, ImpactModel, StatusCode
 from collision_response.msg import BodyState
 from collision_response.ros import batches, clients, scenes, server
 from collision_response.ros import diagnostics as diagnostics_module
-from collision_response.ros.batch_client import pack, unpack
+from collision_response.ros.batch_client import unpack
 from collision_response.ros.body_lookup import BODIES_PER_STEP, MAX_TEXT, TEXTS, StateFinder
 from collision_response.ros.clients import ConnectedClients
 from collision_response.ros.diagnostics import PERIOD, Counters, Diagnostics
@@ -40,19 +38,6 @@ from collision_response.ros.server import SERVICE_QOS
 from collision_response.ros.states import LatestStates
 from collision_response.ros.take_all import RCLError
 from collision_response.srv import ResolveCollision, ResolveCollisionBatch, ResolveScene
-
-EXTENDED = ImpactModel(precision=Precision.EXTENDED)
-
-
-def falling(n, model=EXTENDED):
-    """A batch in which one mass strikes the ground ``n`` times."""
-    body_row, contact_row = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
-    bodies, contacts = np.zeros((body_row.height, 2)), np.zeros((contact_row.height, n))
-    bodies[body_row.mass] = [[2.0, np.inf]]
-    bodies[body_row.velocity][2] = [-3.0, 0.0]
-    contacts[contact_row.normal][2], contacts[contact_row.restitution] = 1.0, 0.3
-    return pack(bodies, [np.zeros(n), np.ones(n)], contacts, model)
-
 
 # turns
 
@@ -280,20 +265,6 @@ def by_name(seconds):
     return request
 
 
-def diagnostics(graph):
-    """Subscribe to the diagnostics; return a function that gives the last status and its values."""
-    received = graph.listen(DiagnosticArray, "/diagnostics")
-
-    def last():
-        for message in reversed(received):
-            (status,) = message.status
-            if status.name.startswith(graph.namespace):
-                return status, {value.key: value.value for value in status.values}
-        return None
-
-    return last
-
-
 def another_client(graph):
     """Another node and its client, whose service is ready."""
     other = graph.add(Node("other", context=graph.context, namespace=graph.namespace))
@@ -304,7 +275,7 @@ def another_client(graph):
 
 def test_requests_of_a_client_that_leaves_are_dropped_and_counted(graph):
     graph.serve(max_state_wait=60.0)
-    last = diagnostics(graph)
+    last = graph.diagnostics()
     other, client = another_client(graph)
     answered = client.call_async(balls_meet())
     wait_until(answered.done)
@@ -344,7 +315,7 @@ def test_an_unseen_client_that_left_is_tried_once(graph, monkeypatch):
     monkeypatch.setattr(server, "_try_to_send", send_to_others)
     monkeypatch.setattr(server, "MAX_DISCOVERY_TIME", 1.0)  # all requests must arrive within this time
     graph.serve()
-    last = diagnostics(graph)
+    last = graph.diagnostics()
     _, client = another_client(graph)
     for _ in range(50):
         client.call_async(balls_meet())
@@ -401,7 +372,7 @@ def test_a_waiting_request_is_resumed_under_constant_load(graph, monkeypatch):
 def test_an_answer_that_cannot_be_sent_is_counted_and_harmless(graph, monkeypatch):
     """If a client stops reading and its history fills up, rcl raises, or rclpy warns of a timeout."""
     graph.serve()
-    last = diagnostics(graph)
+    last = graph.diagnostics()
     assert graph.call(balls_meet()).success
 
     def raise_error():
@@ -447,7 +418,7 @@ def test_an_answer_too_large_to_send_becomes_a_refusal(graph, monkeypatch, error
 
 def test_diagnostics_count_answers_and_failures(graph):
     graph.serve()
-    last = diagnostics(graph)
+    last = graph.diagnostics()
     bad = balls_meet()
     bad.contact.normal.x = 0.0
     for request in (balls_meet(), balls_meet(), bad):

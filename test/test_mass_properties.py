@@ -13,6 +13,7 @@ from refusals import refused
 
 from collision_response import Body, StatusCode
 from collision_response.physics import mass_properties as mp
+from collision_response.physics.mass_properties import Particle, of_particles
 from collision_response.physics.vector import Vec3
 
 # Solids as a few particles of the same mass, centre and inertia: nodes of an exact quadrature.
@@ -298,3 +299,15 @@ def test_a_mesh_without_triangles_encloses_no_volume():
     mesh.triangles = mesh.triangles[:0]
     with pytest.raises(ValueError, match="does not enclose a volume"):
         mp.mesh(1.0, mesh)
+
+
+def test_s4_mass_properties_of_particles():
+    """A dumbbell of 1 kg and 3 kg, 4 m apart along x, worked by hand."""
+    particles = [
+        Particle(Fraction(1), Vec3(*map(Fraction, (0, 1, 2)))),
+        Particle(Fraction(3), Vec3(*map(Fraction, (4, 1, 2)))),
+    ]
+    mass, com, inertia = of_particles(particles)
+    assert mass == 4
+    assert com == (3, 1, 2)
+    assert inertia == (0, 0, 0, 12, 0, 12)

@@ -8,15 +8,12 @@ import os
 import pickle
 import subprocess
 import sys
-from fractions import Fraction
 
-import numpy as np
 import pytest
 from refusals import refused
 
 from collision_response import Body, Contact, ImpactError, StatusCode, resolve
-from collision_response.physics import friction
-from collision_response.physics.combine import CombineRule, combine
+from collision_response.physics.combine import CombineRule
 from collision_response.physics.restitution import johnson, plastic, power_law, tabulated, viscoelastic
 
 pytest.importorskip("yaml")
@@ -75,20 +72,6 @@ def test_the_energetic_rule_weighs_by_compliance(materials):
     assert found.value == pytest.approx(math.sqrt(0.57), rel=1e-15)
 
 
-def test_the_energetic_rule_gives_the_energy_lost_in_two_springs():
-    """Spring a takes k_b / (k_a + k_b) of the energy of compression, and gives back e_a^2 of that."""
-    k_a, k_b, e_a, e_b = map(Fraction, (2, 5, "3/5", "4/5"))
-    kept = (k_b * e_a**2 + k_a * e_b**2) / (k_a + k_b)
-    e = combine(CombineRule.ENERGETIC, float(e_a), float(e_b), float(k_a), float(k_b))
-    assert e**2 == pytest.approx(float(kept), rel=1e-15)
-
-
-def test_the_harmonic_mean():
-    assert combine(CombineRule.HARMONIC_MEAN, 0.5, 0.125) == 0.2
-    assert combine(CombineRule.HARMONIC_MEAN, 0.0, 0.0) == 0.0
-    assert combine(CombineRule.HARMONIC_MEAN, 0.0, 0.7) == 0.0
-
-
 def test_restitution_by_speed_is_used_at_the_speed_of_the_impact(materials):
     e = materials.find("restitution", "steel", "glass", CombineRule.AVERAGE).value
     impact = resolve(
@@ -115,16 +98,6 @@ def test_johnson_is_the_high_speed_limit_of_thornton():
 def test_a_table_is_interpolated():
     e = tabulated([1.0, 2.0, 4.0], [1.0, 0.5, 0.25])
     assert [e(v) for v in (0.0, 1.0, 1.5, 2.0, 3.0, 4.0, 9.0)] == [1.0, 1.0, 0.75, 0.5, 0.375, 0.25, 0.25]
-
-
-@pytest.mark.parametrize("tabulated", [tabulated, friction.tabulated])
-@pytest.mark.parametrize("kind", [np.array, tuple])
-def test_a_table_may_be_of_any_kind_of_numbers(tabulated, kind):
-    e = tabulated(kind([1.0, 2.0, 4.0]), kind([1.0, 0.5, 0.25]))
-    assert [e(v) for v in (0.0, 1.5, 9.0)] == [1.0, 0.75, 0.25]
-    for speeds, values in ([], []), ([1.0], []), ([1.0], [0.5, 0.5]):
-        with pytest.raises(ValueError, match=r"^speeds: must be as many as values, at least 1; "):
-            tabulated(kind(speeds), kind(values))
 
 
 PICKLED = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from decimal import Decimal
 from fractions import Fraction
@@ -10,14 +11,24 @@ from typing import Any
 import numpy as np
 import pytest
 
+pytest.importorskip("flint")  # EXTENDED must be exact here
+
+import attacks
+from answer_faults import UNIT, faults_of_answer, numbers_of, pair_of, resolved, right_answer
+from attacks import Case
+from exact import nearest_float
+
 from collision_response import (
     Body,
     Contact,
     Geometry,
+    Impact,
+    ImpactError,
     ImpactModel,
     Law,
     Precision,
     SceneContact,
+    SceneImpact,
     Twist,
     Vec3,
     resolve,
@@ -29,8 +40,10 @@ from collision_response.derivatives import (
     differentiate,
     propagate_covariance,
     saltation_matrix,
+    sphere_on_plane,
 )
 from collision_response.identify import Impacts
+from collision_response.physics.vector import ZERO
 from collision_response.recording import Record, SceneRecord
 
 TYPES = {
@@ -171,3 +184,145 @@ def test_recordings_hold_floats(type_, tmp_path):
         assert found.num_rows == len(KINDS)
         if type_ != "Fraction":  # whose answers are rounded once
             np.testing.assert_equal(found.to_pylist(), expected.to_pylist())
+
+
+GOOD = dict.fromkeys(attacks.FIELDS, 0.5)
+
+
+NAMES = {"spin": "angular_velocity", "e_t": "tangential_restitution", "threshold": "restitution_threshold"}
+
+
+def _answer_with(field: str, value: Any) -> Impact:
+    """The answer to a request with one value of another type."""
+    g = {**GOOD, field: value}
+    body = Body.dynamic(
+        g["mass"],
+        (g["inertia"], 0.0, 0.0, 0.6, 0.0, 0.7),
+        (0.25, g["position"], 0.5),
+        None,
+        (0.25, g["velocity"], -3.0),
+        (g["spin"], 0.25, 0.125),
+    )
+    contact = Contact.of((0.0, 0.0, 0.0), (0.25, g["normal"], 1.0), g["restitution"], g["friction"])
+    model = ImpactModel(
+        tolerance=g["tolerance"], tangential_restitution=g["e_t"], restitution_threshold=g["threshold"]
+    )
+    return resolve(body, Body.static((0.1, 0.2, -1.0)), contact, model)
+
+
+@pytest.mark.parametrize("given", list(attacks.kinds_of_number()), ids=lambda given: given.name)
+def test_number_types(given):
+    """A value is used as the float that it equals, to the bit, or refused by name."""
+    try:
+        impact = _answer_with(given.field, given.value)
+    except (TypeError, ImpactError) as refusal:
+        name = NAMES.get(given.field, given.field)
+        assert name in str(refusal), f"the refusal does not name {name}: {refusal}"
+        return
+    assert given.is_number, f"{given.value!r} was taken for a number"
+    assert numbers_of(impact) == numbers_of(_answer_with(given.field, float(given.value)))
+    wrong = {name: type(x).__name__ for name, x in numbers_of(impact).items() if type(x) is not float}
+    assert not wrong
+    assert type(impact.error_bound) is float
+
+
+TURNED = Body.dynamic(
+    1.0, (1.0, 0.0, 0.0, 2.0, 0.0, 2.5), (0.25, 1.0, 0.125), (0.0, 0.0, 0.6, 0.8), (0.5, -1.0, 0.25),
+    (1.0, 0.5, 0.25), (0.125, 0.0625, 0.125),
+)  # fmt: skip
+
+
+REQUEST = {
+    "body_a": TURNED,
+    "body_b": Body.kinematic((0.0, 0.0, 0.0), (0.125, 0.0, 0.0), (0.0, 0.0, 0.5)),
+    "contact": Contact.of((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0.5, 0.25),
+}
+
+
+CALLS = {
+    "point": lambda a, b, c: resolve(a, b, c, ImpactModel(geometry=Geometry.POINT)),
+    "planar": lambda a, b, c: resolve(a, b, c, ImpactModel(geometry=Geometry.PLANAR)),
+    "more digits": lambda a, b, c: resolve(a, b, c, ImpactModel(tolerance=1e-30)),
+    "functions": lambda a, b, c: resolve(a, b, c._replace(restitution=lambda v: v / 8, friction=lambda v: v)),
+    "a path": lambda a, b, c: resolve(
+        a, b, c._replace(friction=lambda v: 0.1), ImpactModel(Law.ROUTH_STRONGE)
+    ),
+    "requirements": lambda a, b, c: scene_requirements({"a": a, "b": b}, [SceneContact("a", "b", c)], 0.5),
+    "scene": lambda a, b, c: resolve_scene(
+        [a, b], [(0, 1)] * 2, [c, c._replace(position=(0.25, 0.0, 0.125))]
+    ),
+    "covariance": lambda a, b, c: propagate_covariance(
+        a, b, c, ImpactModel(), np.eye(12) / 64, sphere_on_plane(0.125), normal_sd=0.125
+    ),
+    "measurements": lambda a, b, c: (
+        Impacts.of([a], [b], [c], [Twist(ZERO, ZERO)], [Twist(ZERO, ZERO)]).bodies
+    ),
+}
+
+
+@pytest.mark.parametrize("call", CALLS.values(), ids=CALLS)
+@pytest.mark.parametrize("kind", [tuple, list, np.array])
+def test_vectors_may_be_any_sequence(kind, call):
+    expected = call(*REQUEST.values())
+    for owner, part in REQUEST.items():
+        for field, value in part._asdict().items():
+            if isinstance(value, tuple):
+                given = REQUEST | {owner: part._replace(**{field: kind(value)})}
+                np.testing.assert_equal(_without_contacts(call(*given.values())), _without_contacts(expected))
+
+
+def _without_contacts(answer: Any) -> Any:
+    """The answer without the contacts of the request, which it returns as they were given."""
+    if isinstance(answer, SceneImpact):
+        return answer._replace(contacts=())
+    return answer._replace(contact=None) if isinstance(answer, Impact) else answer
+
+
+@pytest.mark.parametrize(
+    "precision", [Precision.AUTO, Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED]
+)
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.FRICTIONLESS, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize(
+    "restitution", list(attacks.restitutions()), ids=lambda restitution: restitution.name
+)
+def test_restitution_functions(restitution, law, precision):
+    if law is Law.ROUTH_STRONGE and precision is Precision.EXTENDED:
+        return
+    plane = attacks.rod_in_plane(0.6, 0.8, 1.0, -2.0, 0.5, 0.3)
+    for collision in (plane,) if law is Law.ROUTH_STRONGE else (plane, attacks.ON_FLOOR):
+        given = attacks.with_contact(collision, restitution=restitution.function)
+        model = ImpactModel(law, precision=precision)
+        if restitution.code:
+            with pytest.raises(ImpactError) as refusal:
+                resolved(given, model)
+            assert refusal.value.code.name == restitution.code
+            assert "restitution" in refusal.value.field
+            continue
+        impact = resolved(given, model)
+        used = impact.contact.restitution
+        assert isinstance(used, (float, int))
+        speed = nearest_float(pair_of(collision).approach_speed)
+        if impact.error_bound < math.inf:
+            # the function gets the speed rounded to the precision used
+            near = speed * 4 * float(UNIT[impact.model.precision])
+            possible = [float(restitution.function(v)) for v in (speed - near, speed, speed + near)]
+            assert min(possible) <= used <= max(possible)
+        fixed = attacks.with_contact(collision, restitution=float(used))
+        as_number = Case("", fixed, {"law": law.name, "precision": precision.name})
+        right = right_answer(fixed, law.name, 0.0, 0.0)
+        found = faults_of_answer(impact, as_number, model, law, right)
+        assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize(
+    "precision", [Precision.AUTO, Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED]
+)
+@pytest.mark.parametrize("error", attacks.USER_ERRORS, ids=lambda error: type(error).__name__)
+def test_an_error_in_the_users_function_is_raised_unchanged(error, precision):
+    def restitution(v: float) -> float:
+        raise error
+
+    collision = attacks.with_contact(attacks.ON_FLOOR, restitution=restitution)
+    with pytest.raises(type(error)) as raised:
+        resolved(collision, ImpactModel(precision=precision))
+    assert raised.value is error

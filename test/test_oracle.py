@@ -13,6 +13,7 @@ from integrate import integrate_until
 from mpmath import mp
 from oracle import LAWS, impulse
 from oracle.matrices import mat
+from rods import TABLE
 
 UP = (0, 0, 1)
 EXACT = 1e-45  # the oracle has 50 digits; numbers are of order 1 and K is well conditioned
@@ -44,40 +45,6 @@ def random_contact(rng, spread=1.0):
         turn, place = rng.normal(size=4).tolist(), rng.normal(size=3).tolist()
         bodies.append(PlainBody(mass, (x, 0.0, 0.0, y, 0.0, z), place, turn))
     return K_of(*bodies), (*rng.normal(size=2), -1.0)
-
-
-# ---- reference values for rods: (p_t, p_n), energy; every digit given
-
-TABLE = {
-    "T1": ((1, (0, -1), F(1, 2)), {law: ("9/41", "30/41", "-.243159") for law in LAWS[1:]}),
-    "T2": (
-        (1, (1, -1), F(1, 2)),
-        {
-            "moreau": ("-.0625", ".5625", "-.171875"),
-            "chatterjee_ruina": ("-.15254237", ".50847458", "-.19240161"),
-            "routh_poisson": ("-.11412429", ".50847458", "-.19609148"),
-            "routh_stronge": ("-.11288499", ".51260558", "-.19430798"),
-        },
-    ),
-    "T3": (
-        (4, (F(1, 2), -1), F(9, 10)),
-        {
-            "moreau": (".37", "1.465", ".01925"),
-            "chatterjee_ruina": (".1", "1.2625", "-.071875"),
-            "routh_poisson": (".25", "1.28378378", "-.11918828"),
-            "routh_stronge": (".25579294", "1.30309359", "-.10551032"),
-        },
-    ),
-    "T3 e=1": (
-        (4, (F(1, 2), -1), 1),
-        {
-            "moreau": (".4", "1.55", ".1"),
-            "chatterjee_ruina": (".1", "1.325", "-.0125"),
-            "routh_poisson": (".27027027", "1.35135135", "-.06939372"),
-            "routh_stronge": (".27670687", "1.3728067", "-.05244936"),
-        },
-    ),
-}
 
 
 def matches(value, text):

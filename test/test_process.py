@@ -21,8 +21,7 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.task import Future
-from ros_graph import DEADLINE, balls_meet, wait_until
-from test_load import diagnostics, falling
+from ros_graph import DEADLINE, balls_meet, falling, wait_until
 
 from collision_response import ImpactModel, StatusCode
 from collision_response.ros.node import CollisionResponseNode
@@ -252,7 +251,7 @@ def test_the_profile_disables_shared_memory(ros_domain, tmp_path, profile, share
 def test_requests_beyond_the_shutdown_timeout_are_refused(graph, start):
     node = start("-p", "shutdown_timeout:=5.0")
     assert graph.call(balls_meet()).success
-    last = diagnostics(graph)
+    last = graph.diagnostics()
     long = graph.call_async(falling(50_000, ImpactModel(tolerance=1e-30)))
     wait_until(lambda: last() and last()[1]["requests waiting"] == "1")
     node.send_signal(signal.SIGTERM)

@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("rerun")
 
-from test_recording import impact, read, recorded, verify
+from recordings import impact, read, recorded, verify
 
 from collision_response import Body, Contact, ImpactModel, resolve
 from collision_response.physics.mass_properties import box, rod, sphere

@@ -19,7 +19,7 @@ pytest.importorskip("rerun")
 
 import pyarrow as pa
 import rerun as rr
-from test_recording import closed
+from recordings import closed
 
 from collision_response import (
     Body,

@@ -8,7 +8,7 @@ import itertools
 import random
 
 import pytest
-from scene_cases import Scene, distance
+from scene_cases import Scene, distance, tower
 
 from collision_response import Body, Contact, Law
 
@@ -25,11 +25,11 @@ def shuffled(scene: Scene, seed: int) -> tuple[Scene, list[int]]:
     return Scene([scene.bodies[b] for b in bodies], pairs, [scene.contacts[i] for i in contacts]), place
 
 
-def assert_small_bound_in_any_order(scene: Scene) -> None:
+def assert_small_bound_in_any_order(scene: Scene, most: float = SMALL) -> None:
     other, place = shuffled(scene, len(scene.contacts))
     answer, again = (one.resolve(Law.COULOMB) for one in (scene, other))
     again = again._replace(changes=[again.changes[k] for k in place])
-    assert distance(scene, answer, again) <= answer.error_bound + again.error_bound <= 2 * SMALL
+    assert distance(scene, answer, again) <= answer.error_bound + again.error_bound <= 2 * most
     assert answer.kinetic_energy_after <= answer.kinetic_energy_before * (1 + 2**-50)  # both are rounded sums
 
 
@@ -71,19 +71,18 @@ def test_a_pile_in_which_friction_shares_loads_in_many_ways(mu):
     assert_small_bound_in_any_order(pile(4, mu, 0.0, 0.0))
 
 
-@pytest.mark.parametrize("slip", [0.0, 0.2, 3.0])
-@pytest.mark.parametrize("mu", [0.1, 0.5, 3.0])
-@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
-def test_stacks(e, mu, slip):
-    """The load at the bottom is far greater than what each box changes."""
-    count = 15
-    bodies = [
-        Body.box(1.0, (1, 1, 1), position=(0, 0, i + 0.5), velocity=(slip * (i + 1), 0, -1))
-        for i in range(count)
-    ]
-    pairs = [(i, i - 1 if i else count) for i in range(count) for _ in CORNERS]
-    contacts = [Contact.of((x, y, i), (0, 0, 1), e, mu) for i in range(count) for x, y in CORNERS]
-    assert_small_bound_in_any_order(Scene([*bodies, Body.static()], pairs, contacts))
+TOWERS = [
+    *itertools.product([15], [0.0, 0.5, 1.0], [0.1, 0.5, 3.0], [0.0, 0.2, 3.0]),
+    *itertools.product([5, 20, 40], [0.0], [0.1, 0.5, 3.0], [0.0, 0.2, 3.0, 100.0]),
+]
+
+
+@pytest.mark.parametrize(("count", "e", "mu", "slip"), TOWERS)
+def test_towers(count, e, mu, slip):
+    """The load at the bottom is far greater than what each box changes. In tall towers Newton's method meets
+    many kinks; where it gives up, the bound is infinite.
+    """
+    assert_small_bound_in_any_order(tower(count, e, mu, slip), SMALL if count == 15 else 5e-4)
 
 
 def opposites(seed: int) -> Scene:

@@ -7,13 +7,11 @@ import random
 
 import numpy as np
 import pytest
+from scene_cases import Scene, assert_within_bound, box, change_norm, distance, reordered
 
-pytest.importorskip("scipy")
-
-from scene_cases import Scene, assert_within_bound, distance
-from scipy.spatial.transform import Rotation
-
-from collision_response import Body, Contact, Law, StatusCode
+from collision_response import Body, Contact, ImpactModel, Law, StatusCode, resolve_scene
+from collision_response.physics.orientation import Quaternion
+from collision_response.physics.vector import Vec3
 
 CORNERS = [(x, y) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
 LAWS = [(Law.FRICTIONLESS, 0.0), (Law.COULOMB, 0.3), (Law.COULOMB, 1.0)]
@@ -154,6 +152,7 @@ def test_a_box_on_uneven_contacts_is_braked_as_on_even_ones(mu, off, count):
 @pytest.mark.parametrize("seed", range(12))
 def test_corners_rounded_to_float32(seed, law, mu):
     """A rotated box on a slope, with corners and normal as physics engines give them."""
+    Rotation = pytest.importorskip("scipy.spatial.transform").Rotation
     rng = np.random.default_rng(seed)
     rotation, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     rotation *= np.sign(np.linalg.det(rotation))
@@ -169,3 +168,190 @@ def test_corners_rounded_to_float32(seed, law, mu):
     if law is Law.FRICTIONLESS:
         assert_within_bound(scene, answer, scene.in_fractions().resolve(Law.FRICTIONLESS))
     assert np.dot(answer.twists[0].linear, -down) == pytest.approx(0.5, abs=1e-3)
+
+
+def test_a_flat_box_in_any_orientation():
+    """Its four contacts depend on each other; their numbers are rounded now."""
+    for k in range(12):
+        q = Quaternion(math.sin(k), math.cos(2 * k), math.sin(3 * k + 1), 1.0)
+        flat = box(e=0.7)
+        turned = Scene(
+            [
+                flat.bodies[0]._replace(
+                    orientation=q,
+                    velocity=q.rotation().to_world(flat.bodies[0].velocity),
+                    position=q.rotation().to_world(flat.bodies[0].position),
+                ),
+                flat.bodies[1],
+            ],
+            flat.pairs,
+            [
+                c._replace(position=q.rotation().to_world(c.position), normal=q.rotation().to_world(c.normal))
+                for c in flat.contacts
+            ],
+        )
+        answer = turned.resolve()
+        assert answer.error_bound < 1e-12
+        assert change_norm(turned, answer) == pytest.approx(1.7, abs=1e-12)
+        for P in answer.impulses:
+            assert P.norm() == pytest.approx(1.7 / 4, abs=1e-9)
+
+
+@pytest.mark.parametrize("first", range(1, 200, 50))
+def test_a_table_on_many_legs_is_not_pressed(first):
+    """Its inertia is small for legs so far apart. Two of them may carry much more than its weight."""
+    places = [(x / 2, y / 6, 0.0) for x in (-1, 0, 1) for y in (-3, -1, 1, 3)]
+    contacts = [Contact.of(place, (0.0, 0.0, 1.0), 0.5) for place in places]
+    for side in range(first, first + 50):
+        table = Body.box(1.0, (side / 100,) * 3, velocity=(0.0, 0.0, -1.0))
+        answer = resolve_scene([table, Body.static()], [(0, 1)] * 12, contacts)
+        assert answer.twists[0].linear.z == pytest.approx(0.5, abs=1e-9), side
+        assert answer.error_bound < 1e-9
+        assert not answer.adjustments
+
+
+@pytest.mark.parametrize("masses", [(0.02, 1e-6, 1e5), (0.1, 1e-6, 1e5), (1.0, 1e-5, 1e6), (1.0, 1e-3, 1e9)])
+def test_a_light_box_between_heavy_ones_does_not_hide_how_loads_are_shared(masses):
+    """To doubles, the contacts on both sides of it depend on each other."""
+    pairs, contacts = [], []
+    for level in range(3):
+        for corner, e in zip(box().contacts, (0.0, 0.5, 1.0, 0.5), strict=True):
+            pairs.append((level, level - 1 if level else 3))
+            contacts.append(corner._replace(position=corner.position + Vec3(0.0, 0.0, level), restitution=e))
+    bodies = [
+        Body.box(mass, (1.0, 1.0, 1.0), position=(0.0, 0.0, level + 0.5), velocity=(0.0, 0.0, speed))
+        for level, (mass, speed) in enumerate(zip(masses, (0.0, -1.0, 1.0), strict=True))
+    ]
+    for seed in range(5):
+        order = random.Random(seed).sample(range(12), 12)
+        shuffled = [contacts[i] for i in order]
+        answer = resolve_scene([*bodies, Body.static()], [pairs[i] for i in order], shuffled)
+        assert answer.contacts[0].restitution == pytest.approx(0.5)
+        assert answer.error_bound < 1e-7
+        assert [tuple(change.angular) for change in answer.changes] == [
+            pytest.approx((0, 0, 0), abs=1e-9)
+        ] * 4
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_many_contacts_of_unequal_restitution_share_their_load(seed):
+    """Which share each has follows from impulses that have no effect, to the last of 32 digits."""
+    rng = random.Random(seed)
+    places = [(x / 8, y / 8) for x in (-3, -1, 0, 1, 3) for y in (-3, -1, 1, 3)]
+    contacts = [
+        Contact.of((x, y, -0.5), (rng.choice([0.0, 0.0, 0.125]), 0.0, length), rng.choice([0.0, 0.5, 1.0]))
+        for (x, y), length in zip(rng.sample(places, 11), rng.choices([1.0, 0.25, 7.0], k=11), strict=True)
+    ]
+    table = Body.box(1.0, (2.0, 2.0, 1.0), velocity=(0.25, 0.0, -1.0), angular_velocity=(0.5, 0.0, 0.0))
+    scene = Scene([table, Body.static()], [(0, 1)] * 11, contacts)
+    answer, exact = scene.resolve(), scene.in_fractions().resolve()
+    assert answer.error_bound < 1e-9
+    assert_within_bound(scene, answer, exact)
+    assert answer.contacts[0].restitution == pytest.approx(float(exact.contacts[0].restitution), abs=1e-9)
+    assert answer.regimes == exact.regimes
+
+
+@pytest.mark.parametrize("tilt", [1e-300, 1e-17, 1e-15, 1e-12, 1e-9, 1e-6])
+def test_contacts_that_almost_depend_on_each_other(tilt):
+    """The fourth normal differs slightly from the others."""
+    scene = box((0.1, 0, -1), (0.2, 0.1, 0), e=0.6)
+    contacts = [*scene.contacts[:3], scene.contacts[3]._replace(normal=Vec3(tilt, 0.0, 1.0))]
+    almost = Scene(scene.bodies, scene.pairs, contacts)
+    answer = almost.resolve(Law.FRICTIONLESS)
+    assert_within_bound(almost, answer, almost.in_fractions().resolve(Law.FRICTIONLESS))
+    assert min(answer.normal_velocities_after) >= -1e-12
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("tilt", [0.0, 1e-300, 1e-17, 1e-16, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-3])
+@pytest.mark.parametrize("e", [0.0, 1.0])
+def test_a_ball_between_walls_that_almost_lock(law, tilt, e):
+    """Nearly opposite normals: no energy is created, and the answer says where doubles cannot decide."""
+    ball = Body.dynamic(1.0, (0.1, 0, 0, 0.1, 0, 0.1), velocity=(0.0, 0.0, -1.0))
+    contacts = [Contact.of((-x, 0, 0), (x, 0.0, tilt), e, 0.3) for x in (1.0, -1.0)]
+    answer = resolve_scene([ball, Body.static()], [(0, 1)] * 2, contacts, ImpactModel(law))
+    assert answer.kinetic_energy_after <= 0.5 * (1 + 1e-9)
+    assert -1 <= answer.twists[0].linear.z <= 1
+    assert answer.twists[0].linear.x == pytest.approx(0, abs=1e-9)
+    if law is Law.FRICTIONLESS and answer.error_bound < 1e-3 and tilt:
+        assert answer.twists[0].linear.z == pytest.approx(e, abs=answer.error_bound + 1e-12)
+
+
+UNEQUAL = (0.0, 1.0, 0.0, 0.5)
+
+
+def uneven_box(tilts, again: int = 0) -> Scene:
+    """A flat box whose corners have different restitution and normals that are off by ``tilts``; some corners
+    are given again, a little apart.
+    """
+    flat = box()
+    contacts = [
+        c._replace(normal=Vec3(*tilt, 1.0), restitution=e)
+        for c, tilt, e in zip(flat.contacts, tilts, UNEQUAL, strict=True)
+    ]
+    contacts += [c._replace(position=c.position + Vec3(0.25, 0.0, 0.0)) for c in contacts[:again]]
+    return Scene(flat.bodies, [(0, 1)] * len(contacts), contacts)
+
+
+def small_tilts(size: float, seed: int) -> list[tuple[float, float]]:
+    rng = random.Random(seed)
+    return [(rng.gauss(0, size), rng.gauss(0, size)) for _ in UNEQUAL]
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
+@pytest.mark.parametrize("power", [*range(10, 50, 4), 44, *range(50, 86, 6)])
+@pytest.mark.parametrize("which", ["one", "two", "all"])
+def test_unequal_restitutions_of_nearly_dependent_contacts(which, power, law):
+    """Normals that are off by 2^-power decide how the corners share the load, and so the restitution."""
+    size = 2.0**-power
+    level = (0.0, 0.0)
+    tilts = {
+        "one": [level, level, level, (0.0, size)],
+        "two": [(size, 0.0), level, (0.0, -size), level],
+        "all": small_tilts(size, power),
+    }[which]
+    scene = uneven_box(tilts)
+    exact = scene.in_fractions().resolve(Law.FRICTIONLESS)
+    for turn in range(4):
+        answer = reordered(scene, turn).resolve(law)
+        assert_within_bound(scene, answer, exact)
+        assert answer.contacts[0].restitution == pytest.approx(float(exact.contacts[0].restitution), rel=1e-9)
+
+
+@pytest.mark.parametrize("power", [20, 40, 44, 50, 60, 80])
+@pytest.mark.parametrize("seed", range(3))
+def test_the_restitution_of_many_nearly_dependent_contacts_is_in_the_bound_if_there_is_one(power, seed):
+    """Eight corners and a second box: too many for fractions."""
+    one = uneven_box(small_tilts(2.0**-power, seed), again=4)
+    top = box(mass=2.0)
+    upper = top.bodies[0]._replace(position=Vec3(0.0, 0.0, 1.5))
+    contacts = [c._replace(position=c.position + Vec3(0, 0, 1)) for c in top.contacts]
+    scene = Scene([*one.bodies, upper], one.pairs + [(2, 0)] * 4, one.contacts + contacts)
+    exact = scene.in_fractions().resolve(Law.FRICTIONLESS)
+    answer = scene.resolve(Law.FRICTIONLESS)
+    if answer.error_bound < math.inf:
+        assert_within_bound(scene, answer, exact)
+
+
+@pytest.mark.parametrize("size", [(1, 1, 1), (0.3, 0.7, 0.1), (1.1, 5.3, 0.03)])
+@pytest.mark.parametrize("levels", [1, 2, 5])
+@pytest.mark.parametrize("lift", [0.0, 0.3])
+def test_unequal_restitutions_of_flat_boxes_are_decided_in_double_double(size, levels, lift, monkeypatch):
+    """Parallel normals depend on each other to all digits, wherever the corners are."""
+    monkeypatch.setattr("collision_response.scene.in_fractions._in_fractions", None)
+    x, y, z = size
+    bodies = [
+        Body.box(0.37 * (i + 1), size, position=(0.1 * i, 0, (i + 0.5) * z), velocity=(0, 0, -1))
+        for i in range(levels)
+    ]
+    floor = Body.kinematic(velocity=(0.0, 0.0, lift)) if lift else Body.static()
+    contacts = [
+        Contact.of((0.1 * i + a * x / 2, b * y / 2, i * z), (0, 0, 1), UNEQUAL[a + (1 + b) // 2])
+        for i in range(levels)
+        for a in (-1, 1)
+        for b in (-1, 1)
+    ]
+    pairs = [(i, i - 1 if i else levels) for i in range(levels) for _ in range(4)]
+    answer = resolve_scene([*bodies, floor], pairs, contacts, ImpactModel(Law.FRICTIONLESS))
+    assert answer.status is StatusCode.OK
+    assert answer.error_bound < 1e-7

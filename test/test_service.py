@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import threading
 from itertools import product
-from operator import attrgetter
 from typing import Any, NamedTuple
 
 import pytest
@@ -17,11 +16,9 @@ from exact_adapter import as_request
 from rclpy.publisher import Publisher
 from rclpy.service import Service
 from ros_graph import DEADLINE, LATCHED, assign, balls_meet, request_of, wait_until
-from test_source_systems import ROUNDING
 
 from collision_response import Body, Contact, Impact, Law, StatusCode, resolve
 from collision_response import ImpactModel as Model
-from collision_response.demo.systems import all_systems
 from collision_response.kernels import library
 from collision_response.msg import BodyState, CollisionResult, ImpactModel
 from collision_response.physics.mass_properties import box
@@ -427,13 +424,6 @@ def test_an_answer_arrives_even_if_its_result_cannot_be_published(graph, monkeyp
         assert graph.call(balls_meet()).success
         wait_until(lambda: any("ZeroDivisionError" in text for text in logged))
     assert graph.call(balls_meet()).success
-
-
-@pytest.mark.parametrize("system", all_systems(), ids=attrgetter("name"))
-def test_the_source_systems_over_dds(shared_node, system):
-    result = shared_node.call(request_of(system.body_a, system.body_b, system.contact)).result
-    for quantity, value in system.expected.items():
-        assert attrgetter(quantity)(result) == pytest.approx(value, rel=ROUNDING, abs=0), quantity
 
 
 def rod_on_plane(slope: float, restitution: float, slip: float) -> tuple[Body, Body, Contact]:

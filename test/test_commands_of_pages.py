@@ -1,14 +1,19 @@
-"""The commands and examples in docs/ros.md work."""
+"""The commands and examples in README.md and docs/ros.md work."""
 
 from __future__ import annotations
 
+import ast
 import re
+import subprocess
+import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
+pytest.importorskip("rclpy")
 pytest.importorskip("nav_msgs")
+
+from types import SimpleNamespace
 
 import yaml
 from builtin_interfaces.msg import Time
@@ -16,12 +21,64 @@ from geometry_msgs.msg import Pose, Twist
 from ros_graph import assign, state_of, wait_until
 
 from collision_response import Body, StatusCode
+from collision_response.cli import main
 from collision_response.msg import BodyState
 from collision_response.ros import markers, parameters, sources
+from collision_response.ros.parameters import DECLARATIONS
 from collision_response.srv import ResolveCollision
 
-ROOT = Path(__file__).resolve().parent.parent
-PAGE = (ROOT / "docs" / "ros.md").read_text()
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+PYTHON = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+
+
+@pytest.fixture
+def node(graph):
+    """A node under its usual name, which the README's client looks for."""
+    graph.namespace = "/"
+    graph.serve()
+    return graph
+
+
+@pytest.mark.parametrize("code", PYTHON, ids=["library", "client", "batch", "scene"])
+def test_the_examples_of_the_readme_run(node, code):
+    run = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True, timeout=60)
+    (promised,) = re.findall(r"^print.*  # (.*)$", code, re.MULTILINE)
+    assert (run.returncode, run.stdout.strip()) == (0, promised), run.stderr
+
+
+def test_the_service_call_is_a_valid_request(shared_node):
+    (text,) = re.findall(r'ResolveCollision "(.*?)"\n', README, re.DOTALL)
+    request = ResolveCollision.Request()
+    for path, value in _leaves(yaml.safe_load(text)):
+        assign(request, path, value)
+    assert shared_node.call(request).result.twist_a.linear.z == 1.5
+
+
+def test_the_command_line_answers_as_shown(node, capsys):
+    (typed,) = re.findall(r"collision_response call '(.*?)'\n", README, re.DOTALL)
+    (shown,) = re.findall(r"```text\n(.*?)```", README, re.DOTALL)
+    assert main(["call", typed]) == 0
+    assert capsys.readouterr().out == shown
+
+
+def test_every_parameter_is_listed_with_its_default():
+    page = (ROOT / "docs" / "parameters.md").read_text(encoding="utf-8")
+    listed = dict(re.findall(r"^\| `([\w.]+)` \| `(.*?)` \|", page, re.MULTILINE))
+    assert {name: ast.literal_eval(default) for name, default in listed.items()} == {
+        declaration.name: declaration.default for declaration in DECLARATIONS
+    }
+
+
+def _leaves(tree, path=""):
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{path}{key}.")
+        else:
+            yield f"{path}{key}", value
+
+
+ROS_PAGE = (ROOT / "docs" / "ros.md").read_text()
 
 
 def xyz(*numbers: float) -> SimpleNamespace:
@@ -30,7 +87,7 @@ def xyz(*numbers: float) -> SimpleNamespace:
 
 def example_with(what: str) -> dict:
     """The names that the only Python example containing this text defines."""
-    (code,) = [code for code in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL) if what in code]
+    (code,) = [code for code in re.findall(r"```python\n(.*?)```", ROS_PAGE, re.DOTALL) if what in code]
     names = {}
     exec(code, names)
     return names
@@ -84,8 +141,8 @@ def test_gazebo_contacts_become_a_request(graph):
     assert sum(impulse.z for impulse in result.impulses) == pytest.approx(2.0)
 
 
-def test_the_service_call_is_a_valid_request():
-    (text,) = re.findall(r'ResolveCollision "(.*?)"\n', PAGE, re.DOTALL)
+def test_the_service_call_of_the_ros_page_is_a_valid_request():
+    (text,) = re.findall(r'ResolveCollision "(.*?)"\n', ROS_PAGE, re.DOTALL)
     request = ResolveCollision.Request()
     for owner, fields in yaml.safe_load(text).items():
         for field, value in fields.items():
@@ -94,7 +151,7 @@ def test_the_service_call_is_a_valid_request():
     assert (request.contact.body_a, request.body_b.motion_type) == ("base_footprint", BodyState.STATIC)
 
 
-def test_the_parameters_it_names_exist():
+def test_the_parameters_that_the_ros_page_names_exist():
     known = {declared.name for room in (sources, markers, parameters) for declared in room.DECLARATIONS}
-    assert set(re.findall(r"-p '?(\w+):=", PAGE)) <= known
-    assert set(re.findall(r"param set /collision_response_markers (\w+)", PAGE)) <= known
+    assert set(re.findall(r"-p '?(\w+):=", ROS_PAGE)) <= known
+    assert set(re.findall(r"param set /collision_response_markers (\w+)", ROS_PAGE)) <= known
