@@ -122,6 +122,15 @@ def test_the_slip_speed_has_no_part_of_the_approach(n, aside):
     assert slip == pytest.approx(expected, rel=8 * 2**-53, abs=0.0)
 
 
+@pytest.mark.parametrize("length", [1e-300, 1e-120, 1e120, 1e300])
+def test_the_slip_speed_does_not_depend_on_the_length_of_the_normal(length):
+    """Products with normals this long or short leave float64. Both bodies move: the slip is (3, 4) m/s."""
+    body_a = Body.dynamic(1.0, velocity=(2.0, 3.0, -1.0))
+    body_b = Body.kinematic(velocity=(-1.0, -1.0, 0.0))
+    speed = initial_slip_speed(body_a, body_b, Contact.of((0, 0, 0), (0, 0, length)))
+    assert speed == 5.0
+
+
 def exact_cross(a, b):
     (a_x, a_y, a_z), (b_x, b_y, b_z) = (map(Fraction, v) for v in (a, b))
     return a_y * b_z - a_z * b_y, a_z * b_x - a_x * b_z, a_x * b_y - a_y * b_x
