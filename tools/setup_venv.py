@@ -22,8 +22,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "collision_response"
-INSTALLED = ["config", "launch", "msg", "scripts", "security", "srv"]
-BUILD_INPUTS = ["CMakeLists.txt", "cmake", "package.xml", "setup.py", *INSTALLED]
+SHARED = ["config", "launch", "security"]
+BUILD_INPUTS = ["CMakeLists.txt", "cmake", "msg", "package.xml", "scripts", "setup.py", "srv"]
 RUN_TIME = [ROOT / "tools" / "python.txt", ROOT / "tools" / "ros" / "kilted.txt"]
 KERNELS = PACKAGE / "kernels"
 COLCON = ["colcon-common-extensions", "ros-ament-cmake-pytest==2.7.*", "ros-domain-coordinator==0.12.*"]
@@ -231,6 +231,7 @@ def install_package(name, extras):
         (environment.path / "build.stamp").write_text(inputs)
     compiled = kernels.wait(build)
     link_python(next(environment.path.glob("lib/python*/site-packages/collision_response")), compiled)
+    link_shared(environment.path / "share" / "collision_response")
     return environment
 
 
@@ -246,6 +247,15 @@ def install_optional(environment, requirements):
         else:
             installed.add(requirement)
             stamp.write_text("\n".join(sorted(installed)))
+
+
+def link_shared(installed):
+    """Replace the installed configuration and launch files by links to their sources."""
+    sources = {path.relative_to(ROOT): path for folder in SHARED for path in (ROOT / folder).glob("*.*")}
+    for path in (path for folder in SHARED for path in (installed / folder).glob("*.*")):
+        if path.relative_to(installed) not in sources:
+            path.unlink()
+    link_all(installed, sources)
 
 
 def link_python(installed, compiled):
@@ -265,6 +275,11 @@ def link_python(installed, compiled):
                 shutil.rmtree(str(path))
         elif relative not in sources and "__pycache__" not in relative.parts:
             path.unlink()
+    link_all(installed, sources)
+
+
+def link_all(installed, sources):
+    """Put links to the sources at their places below a folder."""
     for relative, source in sources.items():
         link = installed / relative
         if link.is_symlink() and os.readlink(str(link)) == str(source):
