@@ -258,13 +258,15 @@ def test_a_mesh_equals_its_particles(middle):
 
 
 @pytest.mark.parametrize("distance", [0.0, 1e6, 1e12])
-@pytest.mark.parametrize("how", ["open", "inside out", "flat", "a corner is no number"])
+@pytest.mark.parametrize("how", ["open", "inside out", "flat", "flat and turned", "a corner is no number"])
 def test_a_mesh_that_encloses_no_volume_is_refused(how, distance):
     mesh = hull(corners_of_a_box((1.0, 2.0, 3.0)), 1.0, (distance,) * 3)
     if how == "open":
         mesh.faces = mesh.faces[1:]
     elif how == "inside out":
         mesh.invert()
+    elif how == "flat and turned":  # by rounding, its volume is 6e-18
+        mesh.vertices = (mesh.vertices - distance) @ np.array([(0.1, 0.2, 0.3), (0.3, -0.1, 0.7), (0, 0, 0)])
     else:
         mesh.vertices = mesh.vertices * (1, 1, 0) if how == "flat" else mesh.vertices * (1, 1, np.nan)
     with pytest.raises(ValueError, match="does not enclose a volume"):

@@ -182,7 +182,9 @@ def mesh(mass: Scalar, shape: Any) -> MassProperties:
     s = a + b + c
     volumes = a.dot(b.cross(c)) / 6
     volume = volumes.sum()
-    if not volume > 0:
+    across = (b - a).cross(c - a)
+    areas = across.dot(across) ** 0.5 / 2
+    if not volume > LEAST_THICKNESS * areas.sum():
         raise _no_volume()
     com = [float((volumes * component).sum() / (4 * volume)) for component in s]
 
@@ -198,6 +200,10 @@ def mesh(mass: Scalar, shape: Any) -> MassProperties:
     )
     centre = Vec3(*(float(x) + float(size) * offset for x, offset in zip(middle, com, strict=True)))
     return MassProperties(mass, centre, inertia * scale)
+
+
+LEAST_THICKNESS = 2.0**-44
+"""The volume of a mesh is rounding up to this fraction of its surface, in units of its size."""
 
 
 def _no_volume() -> ValueError:
