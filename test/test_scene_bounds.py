@@ -10,7 +10,7 @@ import random
 import pytest
 from scene_cases import Scene, distance, tower
 
-from collision_response import Body, Contact, Law
+from collision_response import Adjustment, Body, Contact, Law
 
 SMALL = 1e-6
 CORNERS = [(x, y) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
@@ -83,6 +83,39 @@ def test_towers(count, e, mu, slip):
     many kinks; where it gives up, the bound is infinite.
     """
     assert_small_bound_in_any_order(tower(count, e, mu, slip), SMALL if count == 15 else 5e-4)
+
+
+@pytest.mark.parametrize("e", [0.0, 0.5])
+@pytest.mark.parametrize("mu", [0.1, 0.5])
+@pytest.mark.parametrize("count", [2, 3])
+def test_piles_by_moreau(count, mu, e):
+    """Loads can be shared in several ways. MOREAU answers, and the same in any order."""
+    scene = pile(count, mu, e, 0.0)
+    other, place = shuffled(scene, count)
+    answer, again = (one.resolve(Law.MOREAU) for one in (scene, other))
+    assert not (answer.adjustments | again.adjustments) & Adjustment.LAW_FALLBACK
+    again = again._replace(changes=[again.changes[k] for k in place])
+    assert distance(scene, answer, again) < 1e-9  # rounds end where they change shifts by less than 1e-12
+
+
+def test_a_wall_of_bricks_has_a_small_bound():
+    """One step of Newton's method in double-double takes a tenth of the budget."""
+    wide, high = 10, 8
+    cells = [(i, k) for k in range(high) for i in range(wide)]
+    left = {(i, k): 2 * i + k % 2 for i, k in cells}  # of bricks of length 2
+    bodies = [
+        Body.box(1.0, (2, 1, 1), position=(left[cell] + 1, 0, cell[1] + 0.5), velocity=(0.1 * cell[1], 0, -1))
+        for cell in cells
+    ]
+    pairs, contacts = [], []
+    for i, k in cells:
+        below = [(j, k - 1) for j in range(wide) if k and abs(left[j, k - 1] - left[i, k]) < 2]
+        for cell in below or [(i, k)]:  # the lowest ones lie on the floor
+            ends = max(left[i, k], left[cell]), min(left[i, k], left[cell]) + 2
+            for x, y in itertools.product(ends, (-0.5, 0.5)):
+                pairs.append((cells.index((i, k)), cells.index(cell) if k else len(cells)))
+                contacts.append(Contact.of((x, y, k), (0, 0, 1), 0.0, 0.5))
+    assert Scene([*bodies, Body.static()], pairs, contacts).resolve(Law.COULOMB).error_bound < SMALL
 
 
 def opposites(seed: int) -> Scene:

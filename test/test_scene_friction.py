@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 
@@ -432,6 +433,55 @@ def test_a_load_with_several_distributions_has_no_bound():
         if (after.linear + after.angular.cross(at)).z >= 0.5 - 1e-9:  # the fourth needs no impulse
             spins.add(round(after.angular.z, 6))
     assert len(spins) == 2
+
+
+UNITS = pytest.mark.parametrize(
+    ("mass", "length", "time"), [(1.0, 1.0, 1.0), (1e-3, 100.0, 1e3), (1e-30, 1e20, 1e5), (1e6, 1e-9, 3.0)]
+)
+"""How many of other units a kilogram, a metre and a second are."""
+
+
+@UNITS
+def test_impulses_that_change_no_twist_are_shared_evenly(mass, length, time):
+    """In a wedge friction moves nothing, so the works with and without it differ by rounding."""
+    speed, unit = length / time, mass * length / time
+    ball = Body.sphere(mass, 0.5 * length, velocity=(0, 0, -speed))
+    contacts = [
+        Contact.of((-x * 0.3 * length, 0, -0.4 * length), (x * 0.6, 0, 0.8), 0.5, 0.125) for x in (1, -1)
+    ]
+    answer = resolve_scene([ball, Body.static()], [(0, 1)] * 2, contacts)
+    for x, impulse in zip((1, -1), answer.impulses, strict=True):  # along n + mu t
+        assert impulse.x == pytest.approx(x * 0.75 * 0.5 / 0.875 * unit, rel=1e-5)
+        assert impulse.z == pytest.approx(0.75 * unit, rel=1e-5)
+    assert answer.regimes == (Regime.REVERSED,) * 2
+
+
+@UNITS
+def test_a_slip_that_cancels_is_not_reversed(mass, length, time):
+    """(0.5, 0) + (0, 1, 0) x (+-0.5, 0, -0.5): the contacts do not slip before the impact, up to rounding."""
+    inertia = mass * length * length / 6
+    cube = Body.dynamic(
+        mass,
+        (inertia, 0, 0, inertia, 0, inertia),
+        (0, 0, 0.5 * length),
+        velocity=(0.5 * length / time, 0, -0.5 * length / time),
+        angular_velocity=(0, 1 / time, 0),
+    )
+    contacts = [Contact.of((x * length, 0, 0), (0, 0, 1), 0.0, 0.3) for x in (-0.5, 0.5)]
+    answer = resolve_scene([cube, Body.static()], [(0, 1)] * 2, contacts)
+    assert answer.regimes == (Regime.SLIDING,) * 2
+
+
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("mu", [1e-6, 0.3, 3.0])
+def test_a_box_that_falls_flat_without_slip_sticks_with_all_corners(e, mu):
+    """Friction does nothing, in whatever order the corners are."""
+    scene = box((0, 0, -1), e=e, mu=mu)
+    for order in itertools.permutations(range(4)):
+        answer = scene._replace(contacts=[scene.contacts[i] for i in order]).resolve(Law.COULOMB)
+        assert answer.regimes == (Regime.STICKING,) * 4
+        for impulse in answer.impulses:
+            assert impulse == pytest.approx((0, 0, (1 + e) / 4), abs=1e-9)
 
 
 @pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])

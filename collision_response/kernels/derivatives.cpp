@@ -182,7 +182,8 @@ struct Differentiation {
       const double* line = reinterpret_cast<const double*>(d.d);
       const int begin = std::min(4 * d.begin, width), end = std::max(begin, std::min(4 * d.end, width));
       for (int k = 0; k < begin; ++k) row[k * n] = 0;
-      for (int k = begin; k < end; ++k) row[k * n] = scaled(line[k], power);
+      for (int k = begin; k < end; ++k) row[k * n] = line[k];
+      for (int k = begin; power && k < end; ++k) row[k * n] = std::ldexp(row[k * n], power);
       for (int k = end; k < width; ++k) row[k * n] = 0;
       kinks |= change.kinks;
       jumps |= change.jumps;
@@ -207,27 +208,21 @@ struct Differentiation {
     if (side < 2 && i >= ORIENTATION && i < ORIENTATION + AXES) return 0;
     return units.power_of(input_units[side * BODY + i + (side < 2 && i > ORIENTATION)]);
   }
-  // The components of some directions along a parameter, times a power of two. Not inlined: the caller has no registers
-  // left.
+  // The components of some directions along a parameter, times a power of two; mostly only one is not 0. Not inlined: the
+  // caller has no registers left.
   __attribute__((noinline)) SparseDerivatives parameter(int p, long at, long first, int width, int power) const {
-    long step = direction_stride ? n : 1;
+    const long step = direction_stride ? n : 1;
     const double* row = directions + (p * count + first) * step + direction_stride * at;
-    double line[SparseDerivatives::DIRECTIONS];
-    if (step == 1) std::memcpy(line, row, width * sizeof *row);
-    else
-      for (int k = 0; k < width; ++k) line[k] = row[k * step];
-    for (int k = 0; k < width; ++k) line[k] = scaled(line[k], power);
-    int begin = 0, end = (width + 3) / 4;
-    for (int k = width; k < 4 * end; ++k) line[k] = 0;
-    auto is_zero = [&](int block) {
-      std::uint64_t bits[4];
-      std::memcpy(bits, line + 4 * block, sizeof bits);
-      return !(bits[0] | bits[1] | bits[2] | bits[3]);
-    };
-    while (begin < end && is_zero(begin)) ++begin;
-    while (begin < end && is_zero(end - 1)) --end;
-    SparseDerivatives d(begin, end);
-    if (begin < end) std::memcpy(d.d + begin, line + 4 * begin, (end - begin) * sizeof(Block));
+    const double *first_one = row, *end_of_row = row + width * step;
+    while (first_one != end_of_row && *first_one == 0) first_one += step;
+    if (first_one == end_of_row) return {};
+    const double* last_one = end_of_row - step;
+    while (*last_one == 0) last_one -= step;
+    const int begin = static_cast<int>((first_one - row) / step), end = static_cast<int>((last_one - row) / step) + 1;
+    SparseDerivatives d(begin / 4, (end + 3) / 4);
+    double* line = reinterpret_cast<double*>(d.d);
+    std::fill(line + 4 * d.begin, line + 4 * d.end, 0.0);
+    for (int k = begin; k < end; ++k) line[k] = scaled(row[k * step], power);
     return d;
   }
   // Set the derivatives of the inputs from those of the parameters.

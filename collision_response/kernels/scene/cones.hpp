@@ -92,6 +92,8 @@ class Cones {
     }
   }
 
+  double multiplications() const { return work; }
+
   // Find P as solve() does, but from the solution in fewer digits if that keeps the velocities: this takes few steps.
   template <class S>
   double solve_from(const Cones<S>& coarse) {
@@ -106,12 +108,13 @@ class Cones {
 
   // Find P: of all solutions nearly the one with the least sum of squares. Returns a bound on the error of y.
   double solve() {
+    if (work >= BUDGET) return INFINITY;
     if (!is_scalar<R> && fastest > SLOW_SLIP) solve_by_raising_slip();
     else solve_from_zero();
     if (const double error = keep_velocities(); error <= enough) return error;
     Bounds bounds = finish_round();
     double error = bounds.of_round;
-    for (int round = 1; round < ROUNDS && !bounds.are_kept && bounds.of_kept > enough; ++round) {
+    for (int round = 1; round < ROUNDS && !bounds.are_kept && bounds.of_kept > enough && work < BUDGET; ++round) {
       multipliers.assign(x.begin() + 6 * body_count, x.end());
       lagrangian_step(FIRST_RHO, P, false, 60);
       bounds = finish_round();
@@ -129,12 +132,13 @@ class Cones {
     double error = INFINITY, last = INFINITY, size = 100 * FIRST_RHO;
     for (int round = 0; round < 2 || (error > enough && error < last / 10); ++round) {
       multipliers.assign(x.begin() + 6 * body_count, x.end());
-      if (!lagrangian_step(size, P, false, 10)) break;
+      const bool converges = lagrangian_step(size, P, false, 10);
       size = std::fmin(100 * size, KEEPING_RHO);
-      if (round == 0) continue;
+      if (round == 0 && converges) continue;
       polish();
       last = error;
-      error = motion_bounds(ROUNDING).of_kept;
+      error = motion_bounds(ROUNDING).of_kept;  // may suffice although the step has not converged
+      if (!converges) break;
     }
     has_kept = error <= enough;
     if (!has_kept) {

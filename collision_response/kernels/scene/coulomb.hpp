@@ -203,18 +203,24 @@ inline ClusterImpulses least_work_friction(const Assembly& assembly, const Clust
   double square = 0;  // of the change by friction
   for (size_t k = 0; k < moved.y.size(); ++k)
     square += (moved.y[k] - as_given.y[k]) / speed * ((moved.y[k] - as_given.y[k]) / speed);
-  // Friction takes energy. If it seems to add some, rounding is all that it does: leave it out.
+  // Friction takes energy. If it seems to add some, rounding is all that it does: leave it out. Where it only shares
+  // impulses, it neither adds nor takes any, up to rounding.
+  double size = 0;  // of what the works are the sums of
   auto work = [&](const Motion& motion, const std::vector<Axes>& impulses) {
     double sum = 0;
-    for (double y : motion.y) sum += y / speed * (y / speed) / 2;
+    auto add = [&](double one) {
+      sum += one;
+      size += std::fabs(one);
+    };
+    for (double y : motion.y) add(y / speed * (y / speed) / 2);
     for (int i = 0; i < count; ++i) {
       const AssembledContact& contact = assembly.contacts[i];
       for (int axis = 0; axis < 3; ++axis)
-        sum += contact.axes[axis].velocity * contact.scale / speed * (impulses[i][axis] / contact.scale / speed);
+        add(contact.axes[axis].velocity * contact.scale / speed * (impulses[i][axis] / contact.scale / speed));
     }
     return sum;
   };
-  if (work(moved, P) > work(as_given, normal_only)) {
+  if (const double gain = work(moved, P) - work(as_given, normal_only); gain > 0x1p-48 * size) {
     result.error += std::sqrt(square) * speed;
     return result;
   }

@@ -82,7 +82,7 @@ struct AppliedImpulses {
   }
 
   double normal_impulse(int i) const { return normal[i].h * assembly.contacts[i].length; }
-  double friction_limit(int i) const { return assembly.contacts[i].mu * normal[i].h * assembly.contacts[i].length; }
+  double friction_limit(int i) const { return assembly.contacts[i].mu * reported[i] * assembly.contacts[i].length; }
   double friction(int i) const { return std::hypot(along_axes[i][1], along_axes[i][2]); }
   Axes velocity_before(int i) const {
     const auto& axes = assembly.contacts[i].axes;
@@ -212,14 +212,16 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
     effect.is_unphysical = effect.is_unphysical || applied.is_unphysical(i, before, after);
     works.add(applied, i, before, after);
 
-    const double mu = assembly.contacts[i].mu, slip = std::hypot(after[1], after[2]), at_rest = AT_REST * works.fastest;
+    const double mu = assembly.contacts[i].mu, at_rest = AT_REST * works.fastest;
+    const double slip_before = std::hypot(before[1], before[2]), slip = std::hypot(after[1], after[2]);
+    const bool turns_back = before[1] * after[1] + before[2] * after[2] < 0 && std::fmin(slip_before, slip) > at_rest;
     const bool sticks = sticks_by_slip ? slip <= at_rest
                                        : applied.friction(i) < (1 - AT_REST) * applied.friction_limit(i);
     Regime& regime = effect.regimes[i];
     if (impulse[0] == 0 && impulse[1] == 0 && impulse[2] == 0) regime = REGIME_SEPARATING;
     else if (!(mu > LEAST_FRICTION)) regime = REGIME_SLIDING;
     else if (sticks) regime = REGIME_STICKING;
-    else regime = before[1] * after[1] + before[2] * after[2] < 0 && slip > at_rest ? REGIME_REVERSED : REGIME_SLIDING;
+    else regime = turns_back ? REGIME_REVERSED : REGIME_SLIDING;
   }
   works.set_losses(applied, effect);
   return effect;

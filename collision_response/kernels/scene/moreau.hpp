@@ -13,7 +13,7 @@
 // pile it may depend on the order of the contacts.
 //
 // The error bound is an estimate. It tries shifts near the one found, and measures how much nearer one update takes
-// them. If it takes them no nearer, as when contacts lock, or when several ways to share a load lead to several u+,
+// them. Of solutions that lie apart from it, the bound knows nothing. If it takes them no nearer, as when contacts lock, or when several ways to share a load lead to several u+,
 // the bound is infinite.
 //
 // COULOMB answers instead if s does not settle, or if no velocities rebound from all contacts. Unequal coefficients,
@@ -43,13 +43,15 @@ inline double distance(const Vector& one, const Vector& other) {
   return most;
 }
 
+constexpr double BUDGET = 2e9;  // multiplications, for shifts to settle: a second or two
+
 // An estimate of the error of the velocities, if one more round changes the shifts by `change`. A round takes shifts at
 // a small distance from these nearer to them, by some rate. If it takes them nearer by more than `change`, there is a
 // fixed point within that distance. Where contacts lock, or share a load in several ways, all shifts nearby are fixed
 // points, and the error is unknown: infinite. The rate is that in the direction in which rounds are slowest, by the
 // power method.
 inline double shift_error(Cones<double> programme, const Vector& start, const Vector& shift, double change) {
-  constexpr double LEAST = 1e-9, WIDER = 30, WIDEST = 1e-3, ROUNDING = 1e-12, FIXED = 1 - 1e-5;
+  constexpr double LEAST = 1e-9, WIDER = 30, WIDEST = 1e-3, ROUNDING = 1e-12, FIXED = 1 - 1e-5, UNEVENNESS = 0.6;
   constexpr int ROUNDS = 20;
   auto round_from = [&](const Vector& by) {
     for (size_t i = 0; i < by.size(); ++i) programme.cones[i].w[0] = start[i] + std::fmax(shift[i] + by[i], 0);
@@ -60,10 +62,17 @@ inline double shift_error(Cones<double> programme, const Vector& start, const Ve
   const Vector zero(shift.size()), here = round_from(zero), y = programme.motion();
   change = std::fmax(change, ROUNDING) + distance(here, shift);
   double velocity_change = 0;  // the greatest seen
+  // A direction that differs from contact to contact, in whatever order they are.
+  Vector uneven;
+  for (const auto& cone : programme.cones) {
+    double sum = 0;
+    for (const auto& side : cone.row)
+      for (int k = 0; k < 6; ++k) sum += std::sqrt(k + 2.0) * side[0][k];
+    uneven.push_back(std::sin(50 * sum));
+  }
   auto rate_at = [&](double size, double unevenness) {
     Vector by;
-    for (size_t i = 0; i < shift.size(); ++i)
-      by.push_back(size * (1 + std::fmod(unevenness * static_cast<double>(i), 1)));
+    for (double one : uneven) by.push_back(size * (1 + unevenness * one));
     double rate = 0, last = -1;
     for (int round = 0; round < ROUNDS && std::fabs(rate - last) > 0.01 * (1 - rate); ++round) {
       double now = distance(by, zero);
@@ -79,10 +88,10 @@ inline double shift_error(Cones<double> programme, const Vector& start, const Ve
     }
     return rate;
   };
-  for (double size = LEAST; size < WIDEST; size *= WIDER) {
+  for (double size = LEAST; size < WIDEST && programme.multiplications() < BUDGET; size *= WIDER) {
     if (change > size / 2) continue;
     double nearer = 1 - change / size, rate = rate_at(size, 0);  // in a direction as symmetric as the scene
-    if (rate <= nearer) rate = rate_at(size, 0.618);  // and in one that is not
+    if (rate <= nearer) rate = rate_at(size, UNEVENNESS);  // and in one that is not
     if (rate <= nearer) return 2 * velocity_change;
     if (rate > FIXED) break;
   }
@@ -91,6 +100,8 @@ inline double shift_error(Cones<double> programme, const Vector& start, const Ve
 
 // The impulses of MOREAU with friction, in doubles.
 inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
+  constexpr int ROUNDS = 300;
+  constexpr double SETTLED = 1e-12, SOLVED = 1e-4, SMALLER = 1e-9;
   int count = assembly.count;
   std::vector<Axes> P(count);
   double mean = 0, speed = 0;
@@ -116,10 +127,12 @@ inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
   programme.prepare();
   programme.solve_from_zero();
   programme.polish();
+  auto set_shifts = [&](Cones<double>& of, const Vector& shift) {
+    for (int i = 0; i < count; ++i) of.cones[i].w[0] = start[i] + shift[i];
+  };
   Vector shift(count), step, last_step, last_shift;
   double change = INFINITY, last_change = INFINITY;
-  int round = 0;
-  for (; round < 300 && change > 1e-12; ++round) {
+  for (int round = 0; round < ROUNDS && change > SETTLED && programme.multiplications() < BUDGET; ++round) {
     const Vector found = shifts_of(programme);
     step = found;
     increase(step, -1, shift);
@@ -135,25 +148,33 @@ inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
     last_change = change;
     double square = dot(by, by),
            leap = is_slow && square > 0 ? std::fmin(std::fmax(dot(by, step) / square, -20), 0.5) : 0;
-    for (int i = 0; i < count; ++i) {
+    for (int i = 0; i < count; ++i)
       shift[i] = std::fmax(round > 0 ? found[i] - leap * (found[i] - last_shift[i]) : found[i], 0);
-      programme.cones[i].w[0] = start[i] + shift[i];
-    }
+    set_shifts(programme, shift);
     last_shift = found;
     last_step = step;
     programme.lagrangian_step(programme.FIRST_RHO, programme.P, false, 60);
     programme.polish();
   }
-  // If a load can be shared in several ways, take the one with the most friction.
-  for (double& s : shift) s *= 1 - 1e-9;
-  for (int i = 0; i < count; ++i) programme.cones[i].w[0] = start[i] + shift[i];
-  double motion_error = programme.solve();
-  change = distance(shifts_of(programme), shift);
+  // If a load can be shared in several ways, take the one with the most friction, if that can be found as exactly.
+  Cones<double> with_most_friction = programme;
+  Vector smaller = shift;
+  for (double& s : smaller) s *= 1 - SMALLER;
+  set_shifts(with_most_friction, smaller);
+  double motion_error = with_most_friction.solve();
+  if (const double off = distance(shifts_of(with_most_friction), smaller); off <= 10 * SMALLER) {
+    programme = std::move(with_most_friction);
+    shift = smaller;
+    change = off;
+  } else {
+    motion_error = programme.motion_error();
+    if (motion_error > SOLVED) return {false};
+  }
   // Relative to the fastest contact, and to the greatest impulse, which is small where a light body strikes a heavy
   // one.
   double greatest = 0;
   for (const Axes& one : programme.P) greatest = std::fmax(greatest, one[0]);
-  if (!(change <= std::fmin(1e-8, 1e-4 * greatest))) return {false};
+  if (!(change <= std::fmin(10 * SMALLER, 1e-4 * greatest))) return {false};
   for (int i = 0; i < count; ++i) P[i] = in_newton_seconds(programme.P[i], assembly.contacts[i], speed);
   double error =
       speed * (motion_error + (assembly.is_locked ? INFINITY : shift_error(programme, start, shift, change)));
