@@ -433,6 +433,18 @@ def critical_paths() -> Cases:
         velocity = tuple(v - speed * n for v, n in zip(BODY_A.velocity, CONTACT.normal, strict=True))
         collision = TUMBLING._replace(a=BODY_A._replace(velocity=velocity))
         yield Case(f"tumbling {law} grazing {graze:g}", collision, model(law), 1e-6)
+    for slow, below, law in product(
+        (1e-9, 1e-12, 1e-13), (1e-3, 1e-9), ROUTH
+    ):  # slip turns at once, then hardly grows
+        body = PlainBody(1.0, (0.5, 0.0, 0.0, 0.375, 0.0, 0.25), (-0.5, -0.25, 1.0), None, (slow, 0.0, -1.0))
+        collision = strikes_floor(body, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.5)
+        mu = nearest_float(_sticking_friction(pair_of(collision))) * (1 - below)
+        yield Case(
+            f"slow {slow:g} {law} mu/mu*-1=-{below:.0e}",
+            with_contact(collision, friction=mu),
+            model(law),
+            1e-9,
+        )
 
 
 def jams() -> Cases:

@@ -25,6 +25,7 @@ from ...numbers.operations import (
     iterate,
     maximum,
     minimum,
+    negation,
     square_root,
     values,
 )
@@ -41,6 +42,9 @@ STEP_ROUNDING = 4e-15
 
 LONGEST = 0.95
 """The longest step, in units of the step at whose end slip would stop."""
+
+CONVERGED = 2.0**-40
+"""Relative size up to which the rate of a turn is not reduced further."""
 
 STEPS = 1000
 """Steps at most."""
@@ -225,7 +229,9 @@ def _keep_direction(
     """The state with slip in the direction that it keeps, if it is near that and drawn to it.
 
     Where ``w = 0``, ``t`` is kept. A small turn ``a`` away from there is drawn back at the rate ``pull / s``
-    if ``pull > 0``.
+    if ``pull > 0``. If slip is so slow that it is there at once, Newton's method finds the direction: each of
+    its steps is followed by a step of the path of length 0, which looks ahead again. The path alone could
+    take steps without end, where friction is just below what holds the contact and slip hardly grows.
 
     Args:
         path: the constants of the path.
@@ -238,19 +244,25 @@ def _keep_direction(
     q1, q2 = -y.t2, y.t1
     pull = g + m * (path.A11 * q1 * q1 + 2 * path.A12 * q1 * q2 + path.A22 * q2 * q2)
     remainder = m * (path.A11 + path.A22) * w * w * far  # over pull^2: the excess turn after it is put there
-    is_near = (
-        (pull > 0)
-        & (m * abs(w) * s <= allowed * pull)
-        & (m * remainder <= allowed * pull * pull)
-        & (y.excess_turn > 0)
-    )
+    is_drawn = (pull > 0) & (m * abs(w) * s <= allowed * pull) & (y.excess_turn > 0)
+    bend = path.c * (abs(path.b1) + abs(path.b2)) + 4 * m * (path.A11 + path.A22)  # w'' is at most this
+    is_there = abs(w) <= CONVERGED * bend
+    converges = 4 * bend * abs(w) <= pull * pull
+    stays = is_there & (m * remainder <= allowed * pull * pull)
+    is_near = is_drawn & (stays | negation(is_there) & converges)
 
-    def put_there() -> TurningSlip:
+    def turned() -> TurningSlip:
         a = w / pull
-        slip_error = y.slip_error + s * (abs(a) + STEP_ROUNDING)
-        return y._replace(t1=y.t1 + a * q1, t2=y.t2 + a * q2, slip_error=slip_error, excess_turn=-allowed)
+        unit = 1 / square_root(1 + a * a)
+        return y._replace(
+            t1=(y.t1 + a * q1) * unit,
+            t2=(y.t2 + a * q2) * unit,
+            slip_error=y.slip_error + s * (abs(a) + STEP_ROUNDING),
+            excess_turn=choose(is_there, lambda: -allowed, lambda: y.excess_turn),
+            h_end=choose(is_there, lambda: y.h_end, lambda: 0 * s),
+        )
 
-    return choose(is_near, put_there, lambda: y)
+    return choose(is_near, turned, lambda: y)
 
 
 def step(path: Path, y: TurningSlip) -> TurningSlip:
