@@ -154,6 +154,20 @@ def test_a_contact_with_large_tangential_mobility_is_followed_to_its_end():
     assert impact.energy_change < 0
 
 
+def test_slip_just_above_its_limit_is_that_at_the_limit():
+    """It ends before the integration begins."""
+    K, model = (
+        [[4.0, -0.5, 1.5], [-0.5, 3.5, 0.5], [1.5, 0.5, 1.75]],
+        ImpactModel(Law.COMPLIANT, stiffness_ratio=2.0),
+    )
+    limit, *above = (
+        resolve_contact(K, (slip, 0, -1), (0, 0, 1), 0.5, 1.0, model)
+        for slip in (0.5, 0.5 + 2.0**-53, 0.5 + 1e-12)
+    )
+    for impact in above:
+        assert (impact.impulse - limit.impulse).norm() <= 2 * impact.error_bound * limit.impulse.norm()
+
+
 TURNING = {
     "stick, then slip": (X1, (0.1, 0.2, -1.0), 0.6, 0.3, 0.8),
     "slip that turns": (X1, (1.05, 1, -0.75), 0.6, 0.3, 0.8),

@@ -295,10 +295,18 @@ def _start(springs: Springs) -> State:
     o, one = 0 * s, 1 + 0 * s
     slips = (fixed(kappa * s) > mu) | (mu <= 0)  # fixed: at the limit both give the same, so there is no kink
     fastest = 1 + abs(b1) + abs(b2) + (mu + kappa) * (A11 + A22)
+    # Slip that begins so near the limit that it ends before `early` counts as stick. Its lambda is `above` at
+    # first, and falls by slowing t^2 / 2.
+    early = EARLY / square_root(fastest)
+    above = choose(mu > 0, lambda: fixed(s) - fixed(mu / kappa), lambda: one)
+    slowing = mu * A11 - b1 - mu / kappa * (1 - mu * b1)
+    ends = slips & (above < slowing * early * early)
+    ignored = choose(ends, lambda: square_root(kappa) * early * abs(above), lambda: o)
+    slips = slips & negation(ends)
     angle = choose(slips, lambda: varying_as(o, lambda: slip_across / s), lambda: o)
     w = b2 - mu * A12 - angle * (b1 + mu * (A22 - A11))
     turns = slips & negation((w == 0) & (angle == 0)) & (mu > 0)
-    t = choose(turns, lambda: EARLY / square_root(fastest), lambda: o)
+    t = choose(turns, lambda: early, lambda: o)
     turned = angle + t * t * w / choose(turns, lambda: 2 * s + 4 * mu / kappa, lambda: one)
     F = t - (1 - mu * b1) * t * t * t / 6
     P = t * t / 2 - (1 - mu * b1) * t * t * t * t / 24
@@ -308,5 +316,6 @@ def _start(springs: Springs) -> State:
     sticks = choose(slips, lambda: o, lambda: one)
     weighted = square_root(choose(slips, springs.weight, lambda: one))
     return State(
-        a1, a2, F, -mu * P * slip, -mu * P * turned * slip, P, slip, o, F, h, one, one, weighted, o, sticks, o
-    )
+        a1, a2, F, -mu * P * slip, -mu * P * turned * slip, P, slip, o, F, h, one, one, weighted,
+        step_error=ignored, has_stuck=sticks, has_jammed=o,
+    )  # fmt: skip
