@@ -82,7 +82,6 @@ class Smoothness(IntEnum):
     """Nowhere nearby: the answer itself jumps at this input."""
 
 
-@compared_by_identity
 class Derivatives(NamedTuple):
     """An impact and its Jacobian.
 
