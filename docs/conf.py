@@ -38,7 +38,7 @@ autodoc_typehints_format = "short"
 autodoc_mock_imports = [
     *(f"collision_response.kernels.{name}" for name in ("_compiled", "_derivatives")),
     *("collision_response.msg", "collision_response.srv"),
-    *("geometry_msgs", "pyarrow", "rcl_interfaces", "rclpy", "rerun"),
+    *("builtin_interfaces", "geometry_msgs", "pyarrow", "rcl_interfaces", "rclpy", "rerun", "std_msgs"),
 ]
 
 API = {
