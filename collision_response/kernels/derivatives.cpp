@@ -213,12 +213,11 @@ struct Differentiation {
   __attribute__((noinline)) SparseDerivatives parameter(int p, long at, long first, int width, int power) const {
     const long step = direction_stride ? n : 1;
     const double* row = directions + (p * count + first) * step + direction_stride * at;
-    const double *first_one = row, *end_of_row = row + width * step;
-    while (first_one != end_of_row && *first_one == 0) first_one += step;
-    if (first_one == end_of_row) return {};
-    const double* last_one = end_of_row - step;
-    while (*last_one == 0) last_one -= step;
-    const int begin = static_cast<int>((first_one - row) / step), end = static_cast<int>((last_one - row) / step) + 1;
+    long from = 0, to = width * step;
+    while (from != to && row[from] == 0) from += step;
+    if (from == to) return {};
+    while (row[to - step] == 0) to -= step;
+    const int begin = static_cast<int>(from / step), end = static_cast<int>(to / step);
     SparseDerivatives d(begin / 4, (end + 3) / 4);
     double* line = reinterpret_cast<double*>(d.d);
     std::fill(line + 4 * d.begin, line + 4 * d.end, 0.0);

@@ -43,7 +43,7 @@ inline double distance(const Vector& one, const Vector& other) {
   return most;
 }
 
-constexpr double BUDGET = 2e9;  // multiplications, for shifts to settle: a second or two
+constexpr double MOREAU_BUDGET = 2e9;  // multiplications, for shifts to settle: a second or two
 
 // An estimate of the error of the velocities, if one more round changes the shifts by `change`. A round takes shifts at
 // a small distance from these nearer to them, by some rate. If it takes them nearer by more than `change`, there is a
@@ -88,7 +88,7 @@ inline double shift_error(Cones<double> programme, const Vector& start, const Ve
     }
     return rate;
   };
-  for (double size = LEAST; size < WIDEST && programme.multiplications() < BUDGET; size *= WIDER) {
+  for (double size = LEAST; size < WIDEST && programme.multiplications() < MOREAU_BUDGET; size *= WIDER) {
     if (change > size / 2) continue;
     double nearer = 1 - change / size, rate = rate_at(size, 0);  // in a direction as symmetric as the scene
     if (rate <= nearer) rate = rate_at(size, UNEVENNESS);  // and in one that is not
@@ -101,7 +101,9 @@ inline double shift_error(Cones<double> programme, const Vector& start, const Ve
 // The impulses of MOREAU with friction, in doubles.
 inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
   constexpr int ROUNDS = 300;
-  constexpr double SETTLED = 1e-12, SOLVED = 1e-4, SMALLER = 1e-9;
+  constexpr double SETTLED = 1e-12;  // change of the shifts
+  constexpr double SOLVED = 1e-4;  // bound on the error of the velocities: mostly far too large, if they are a solution
+  constexpr double SMALLER = 1e-9;  // by which shifts are reduced for more friction
   int count = assembly.count;
   std::vector<Axes> P(count);
   double mean = 0, speed = 0;
@@ -132,7 +134,7 @@ inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
   };
   Vector shift(count), step, last_step, last_shift;
   double change = INFINITY, last_change = INFINITY;
-  for (int round = 0; round < ROUNDS && change > SETTLED && programme.multiplications() < BUDGET; ++round) {
+  for (int round = 0; round < ROUNDS && change > SETTLED && programme.multiplications() < MOREAU_BUDGET; ++round) {
     const Vector found = shifts_of(programme);
     step = found;
     increase(step, -1, shift);
