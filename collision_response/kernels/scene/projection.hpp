@@ -33,7 +33,7 @@ inline double projection_error(const Assembly& assembly, const std::vector<int>&
     moved += q[i].h / unit * ((std::fabs(high(start[i])) + width(start[i])) / unit);
   }
   far *= assembly.separating_size;
-  double distance = std::sqrt(moved);  // |w* - v|^2 <= -q.u
+  double distance = std::sqrt(moved + gap);  // |w - v|^2 = q.r - q.u
   return (far + std::sqrt(far * far + 4 * (gap + far * distance))) / 2 * (1 + 1e-9) * unit;
 }
 
