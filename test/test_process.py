@@ -54,7 +54,7 @@ def start(graph):
     "number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=lambda number: number.name
 )
 def test_it_answers_another_process_and_ends_on_a_signal(graph, start, number):
-    node = start()
+    node = start(before=("env", "--default-signal"))  # `nohup make test` has SIGHUP ignored
     assert graph.call(balls_meet()).result.twist_a.linear.x == 2.0
 
     node.send_signal(number)
