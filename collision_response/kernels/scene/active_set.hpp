@@ -90,6 +90,19 @@ class ActiveSet {
     }
   }
 
+  // The diagonal of A_PP^-1.
+  std::vector<R> diagonal_of_inverse() const {
+    const size_t m = members.size();
+    std::vector<R> diagonal(m), column(m);
+    for (size_t k = 0; k < m; ++k) {
+      std::fill(column.begin(), column.end(), R{});
+      column[k] = constant<R>(1);
+      forward(column.data(), m, k);
+      for (size_t i = k; i < m; ++i) diagonal[k] = diagonal[k] + column[i] * column[i];
+    }
+    return diagonal;
+  }
+
   // The line that keeps the zeros of A x + b as x_i grows: x_P decreases by w. Returns the curvature along it; 0 if
   // column i depends on the active ones.
   R line(int i, std::vector<R>& w) const {
@@ -104,11 +117,12 @@ class ActiveSet {
   }
 
  private:
-  void forward(R* y, size_t m) const {
-    for (size_t i = 0; i < m; ++i) {
+  // Solve with the factor, for a y that is 0 before `first`.
+  void forward(R* y, size_t m, size_t first = 0) const {
+    for (size_t i = first; i < m; ++i) {
       const R* row = &factor[i * (i + 1) / 2];
       R sum = y[i];
-      for (size_t k = 0; k < i; ++k) sum = sum - row[k] * y[k];
+      for (size_t k = first; k < i; ++k) sum = sum - row[k] * y[k];
       y[i] = sum / row[i];
     }
   }

@@ -5,6 +5,7 @@
 struct Projection {
   MinimumStatus status;
   std::vector<DD> q;  // impulses along the normals
+  std::vector<N> r;  // velocities after them; only those of the contacts that were projected
   double error;  // a bound on that of the velocities, in the metric of kinetic energy
   bool is_settled = false;  // whether all velocities are right within their rounding: more digits change nothing
 };
@@ -44,8 +45,9 @@ Projection project_with(const Assembly& assembly, const std::vector<R>& matrix, 
   const int count = assembly.count;
   const std::vector<AssembledContact>& contacts = assembly.contacts;
   auto scale = [&](int j) { return constant<R>(contacts[j].scale); };
-  Projection result{MinimumStatus::FOUND, std::vector<DD>(count), INFINITY};
+  Projection result{MinimumStatus::FOUND, std::vector<DD>(count), std::vector<N>(count), INFINITY};
   std::vector<DD>& q = result.q;
+  std::vector<N>& r = result.r;
   std::vector<R> b(count);
   for (int i : among) b[i] = rounded_to<R>(start[i]) * scale(i);
   Minimum<R> first = minimise(matrix, b, among);
@@ -54,7 +56,6 @@ Projection project_with(const Assembly& assembly, const std::vector<R>& matrix, 
   ActiveSet<R>& active = first.active;
   for (int j : active.members) q[j] = lifted<DD>(first.x[j] * scale(j));
 
-  std::vector<N> r(count);
   bool is_current = false;  // whether r are the velocities after q
   bool is_settled = false;
   auto update_r = [&] {

@@ -4,9 +4,11 @@
 #include "impulses.hpp"
 #include "least_norm.hpp"
 #include "projection.hpp"
+#include "residual_bound.hpp"
 
 struct Reflections {
   const Assembly& assembly;
+  const ResidualBound residual_bound{assembly};
 
   ClusterImpulses resolve(double threshold) const {
     ClusterImpulses result;
@@ -19,7 +21,7 @@ struct Reflections {
       doubt = std::fmax(doubt, width(contact.velocity) / contact.length + std::fabs(approach) * 0x1p-50);
     }
     if (!(speed > 0)) return result;
-    const Projection first = project(assembly, p.data(), assembly.all_contacts(), nullptr);
+    const Projection first = project_from(p, assembly.all_contacts());
     if (first.status != MinimumStatus::FOUND) return {false};
     double e_error;
     result.restitution = joined_restitution(first, e_error);
@@ -41,7 +43,7 @@ struct Reflections {
       all_separate = seen.all_separate;
       if (seen.violated.empty()) break;
       bool is_first = turn == 0 && static_cast<int>(seen.violated.size()) == assembly.count;
-      Projection next = is_first ? first : project(assembly, p.data(), seen.violated, nullptr);
+      Projection next = is_first ? first : project_from(p, seen.violated);
       if (next.status != MinimumStatus::FOUND) return {false};
       double rounding = add(p, 2, next.q);
       error += 2 * next.error + rounding;
@@ -55,7 +57,7 @@ struct Reflections {
                    assembly.velocity_size(p.data()) * 0x1p-98;
     result.error += add(p, 1, first.q);
     if (!all_separate && approaches(p.data(), result.error)) {  // more slowly than the threshold
-      Projection last = project(assembly, p.data(), assembly.all_contacts(), nullptr);
+      Projection last = project_from(p, assembly.all_contacts());
       if (last.status != MinimumStatus::FOUND) return {false};
       result.error += add(p, 1, last.q) + last.error;
     }
@@ -63,6 +65,13 @@ struct Reflections {
   }
 
  private:
+  Projection project_from(const std::vector<DD>& p, const std::vector<int>& among) const {
+    Projection found = project(assembly, p.data(), among, nullptr);
+    if (found.status == MinimumStatus::FOUND)
+      found.error = std::fmin(found.error, residual_bound(among, found.q, found.r));
+    return found;
+  }
+
   // The restitution of the cluster: sum e u q / sum u q over the contacts that approach, for the q of least norm. For
   // another q, e would depend on the order of the contacts.
   double joined_restitution(const Projection& first, double& error) const {
