@@ -1,14 +1,15 @@
-"""Error bounds of COULOMB in scenes stay small, and hold in any order of bodies and contacts, where doubles
-are not enough: in piles, in tall stacks, and among bodies and coefficients of opposite magnitudes.
+"""Error bounds in scenes stay small, and hold in any order of bodies and contacts, where doubles are not enough:
+in piles, in tall stacks, and among bodies and coefficients of opposite magnitudes.
 """
 
 from __future__ import annotations
 
 import itertools
+import math
 import random
 
 import pytest
-from scene_cases import Scene, distance, tower
+from scene_cases import Scene, assert_within_bound, distance, tower
 
 from collision_response import Adjustment, Body, Contact, Law
 
@@ -25,9 +26,9 @@ def shuffled(scene: Scene, seed: int) -> tuple[Scene, list[int]]:
     return Scene([scene.bodies[b] for b in bodies], pairs, [scene.contacts[i] for i in contacts]), place
 
 
-def assert_small_bound_in_any_order(scene: Scene, most: float = SMALL) -> None:
+def assert_small_bound_in_any_order(scene: Scene, most: float = SMALL, law: Law = Law.COULOMB) -> None:
     other, place = shuffled(scene, len(scene.contacts))
-    answer, again = (one.resolve(Law.COULOMB) for one in (scene, other))
+    answer, again = (one.resolve(law) for one in (scene, other))
     again = again._replace(changes=[again.changes[k] for k in place])
     assert distance(scene, answer, again) <= answer.error_bound + again.error_bound <= 2 * most
     assert answer.kinetic_energy_after <= answer.kinetic_energy_before * (1 + 2**-50)  # both are rounded sums
@@ -83,6 +84,49 @@ def test_towers(count, e, mu, slip):
     many kinks; where it gives up, the bound is infinite.
     """
     assert_small_bound_in_any_order(tower(count, e, mu, slip), SMALL if count == 15 else 5e-4)
+
+
+TWICE_ROUNDED = 2 * 2**-52
+"""Bound of an answer that is exact but for its last digits."""
+
+
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("count", [20, 60, 100])
+def test_tall_towers_without_friction(count, e):
+    """Each box takes two reflections, whose errors add up."""
+    assert_small_bound_in_any_order(tower(count, e), TWICE_ROUNDED, Law.FRICTIONLESS)
+
+
+FOOTPRINTS = {
+    "square": CORNERS,
+    "uneven": [(-0.5, -0.3), (0.1, -0.2), (0.4, 0.1), (-0.2, 0.7)],
+    "turned": [(math.cos(k) / 3, math.sin(k) / 3) for k in (0.3, 1.9, 3.4, 5.1)],
+    "grid": list(itertools.product((-0.1, 0.2, 0.7), (-0.3, 0.3, 0.9))),
+}
+"""Points of a plane, in which all depend on three. Only those of the square do so in doubles."""
+
+SPINS = [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.0, -0.3, 2.0), (1e-9, 1e-17, 0.0)]
+
+
+@pytest.mark.parametrize("spin", SPINS)
+@pytest.mark.parametrize("height", [0.0, 1e-16, 1e-9])
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("footprint", FOOTPRINTS)
+def test_answers_of_dependent_contacts_are_exact_but_for_their_last_digits(footprint, e, height, spin):
+    """Points of contact that differ along the normal still depend on each other."""
+    points = FOOTPRINTS[footprint]
+    bodies = [
+        Body.box(mass, (1, 1, 1), position=(0, 0, k + 0.5), velocity=(0, 0, -1), angular_velocity=spin)
+        for k, mass in enumerate((1.0, 0.3))
+    ]
+    contacts = [
+        Contact.of((x, y, k + height * i), (0, 0, 2), e) for k in range(2) for i, (x, y) in enumerate(points)
+    ]
+    pairs = [(0, 2)] * len(points) + [(1, 0)] * len(points)
+    scene = Scene([*bodies, Body.static()], pairs, contacts)
+    answer = scene.resolve(Law.FRICTIONLESS)
+    assert answer.error_bound <= TWICE_ROUNDED
+    assert_within_bound(scene, answer, scene.in_fractions().resolve(Law.FRICTIONLESS))
 
 
 @pytest.mark.parametrize("e", [0.0, 0.5])

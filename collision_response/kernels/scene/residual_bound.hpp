@@ -7,91 +7,112 @@
 //
 // then w + d is the exact projection of v + d. Projections do not increase distances: that of v is within 2 |d| of w.
 //
-// Let S be a basis of independent contacts. The least d with N_S^T d = t has the size
+// Velocities are scaled to a diagonal of A of 1. Let S be a basis of independent contacts. The least d with N_S^T d = t has the size
 //
 //     |d| = sqrt(t.A_SS^-1 t) <= sum |t_s| sqrt((A_SS^-1)_ss)
 //
-// A contact i outside of the basis has to separate, unless it is the fourth corner of a rectangle: i = a - b + c, exactly,
-// with a, b and c in the basis. Then r_i = r_a - r_b + r_c, and what makes up for three of them does so for the fourth.
+// Contacts of the same bodies along the same normal n depend on each other: N_i is affine in the point x_i, and the part
+// of x_i along n does not matter. So with three of them in the basis, N_i = c_0 N_0 + c_1 N_1 + c_2 N_2, exactly. What
+// makes up for these three does so for all. Other contacts outside of the basis must separate.
 #pragma once
 #include "assembly.hpp"
 
 class ResidualBound {
  public:
-  explicit ResidualBound(const Assembly& assembly) : assembly(assembly), size(assembly.count), corners(assembly.count) {
+  explicit ResidualBound(const Assembly& assembly) : assembly(assembly), size(assembly.count), beside(assembly.count) {
     ActiveSet<double> basis(assembly.A.data(), assembly.count);
     const std::vector<int> others = basis.span(assembly.all_contacts());
     const Vector diagonal = basis.diagonal_of_inverse();
-    // The factor is rounded: this must not change the inverse by more than its half.
-    const double sum = std::accumulate(diagonal.begin(), diagonal.end(), 0.0);
-    is_known = !assembly.is_locked && sum * assembly.count * assembly.count < 0x1p48;
-    for (size_t k = 0; k < diagonal.size(); ++k)
-      size[basis.members[k]] = assembly.contacts[basis.members[k]].scale * std::sqrt(2 * diagonal[k]);
-    std::vector<char> is_corner(assembly.count);
-    for (int i : others) find_rectangle(i, basis.members, is_corner);
-    for (const AssembledContact& contact : assembly.contacts)
-      tiny = std::fmax(tiny, std::fabs(high(contact.velocity)) * contact.scale * 0x1p-60);
+    // A is rounded, the more the thinner a body is, and so is the factor.
+    double roundings = static_cast<double>(assembly.count) * assembly.count;
+    for (const AssembledBody& body : assembly.bodies) roundings = std::fmax(roundings, std::pow(norm_ratio(body), 2));
+    rounding = std::accumulate(diagonal.begin(), diagonal.end(), 0.0) * roundings * 0x1p-49;
+    is_known = !assembly.is_locked && rounding < 0.25;
+    if (!is_known) return;
+    for (size_t k = 0; k < diagonal.size(); ++k) size[basis.members[k]] = std::sqrt(diagonal[k]) * (1 + rounding);
+    for (int i : others) beside[i] = contacts_beside(i, basis);
   }
 
   // The bound, in the metric of kinetic energy, for impulses q that leave the contacts `among` velocities r.
   double operator()(const std::vector<int>& among, const std::vector<DD>& q, const std::vector<N>& r) const {
-    Vector off(assembly.count, -1), t(assembly.count);  // off: how far r is from 0; -1: the contact separates
-    for (int i : among)
-      if (q[i].h > 0 || !(high(r[i]) * assembly.contacts[i].scale > tiny)) off[i] = std::fabs(high(r[i])) + width(r[i]);
-    for (int i : among) {
-      if (!(off[i] >= 0)) continue;
-      if (size[i] > 0) {
-        t[i] += off[i];
-        continue;
-      }
-      if (corners[i][0] == corners[i][1]) return INFINITY;  // not a corner
-      double sum = off[i];
-      bool all_off = true;
-      for (int s : corners[i]) {
-        sum += std::fmax(off[s], 0);
-        all_off = all_off && off[s] >= 0;
-      }
-      for (int s : corners[i]) t[s] += all_off ? 0 : sum;
+    if (!is_known) return INFINITY;
+    std::vector<char> separates(assembly.count, true);
+    for (int i : among) separates[i] = !(q[i].h > 0);
+    for (;;) {
+      const double d = change_that_makes_up_for(among, separates, r);
+      bool is_enough = true;
+      for (int i : among)
+        if (separates[i] && !((high(r[i]) - width(r[i])) * assembly.contacts[i].scale >= d))
+          separates[i] = is_enough = false;  // d might stop it from separating: make up for it, too
+      if (is_enough) return 2 * d;
     }
-    double d = 0;
-    for (int i = 0; i < assembly.count; ++i) d += t[i] * size[i];
-    d *= 1 + 1e-9;
-    for (int i : among)
-      if (!(off[i] >= 0) && !(high(r[i]) - width(r[i]) > d / assembly.contacts[i].scale)) return INFINITY;
-    return is_known ? 2 * d : INFINITY;
   }
 
  private:
-  void find_rectangle(int i, const std::vector<int>& basis, std::vector<char>& is_corner) {
-    std::vector<int> beside;  // at most three, because all have the same normal
-    for (int s : basis)
-      if (!is_corner[s] && is_beside(assembly.contacts[i], assembly.contacts[s])) beside.push_back(s);
-    if (beside.size() != 3) return;
-    for (int turn = 0; turn < 3; ++turn) {
-      std::rotate(beside.begin(), beside.begin() + 1, beside.end());
-      const double* x[4] = {assembly.contacts[beside[0]].point, assembly.contacts[beside[2]].point,
-                            assembly.contacts[beside[1]].point, assembly.contacts[i].point};
-      bool is_rectangle = true;
-      for (int k = 0; k < 3; ++k) {
-        const DD ends = exact_sum(x[0][k], x[1][k]), others = exact_sum(x[2][k], x[3][k]);
-        is_rectangle = is_rectangle && ends.h == others.h && ends.l == others.l;
-      }
-      if (!is_rectangle) continue;
-      std::copy(beside.begin(), beside.end(), corners[i].begin());
-      for (int s : beside) is_corner[s] = true;
-      return;
+  // A bound on the size of d, if `separates` are the contacts that it leaves to separate.
+  double change_that_makes_up_for(const std::vector<int>& among, const std::vector<char>& separates,
+                                  const std::vector<N>& r) const {
+    Vector off(assembly.count), t(assembly.count);  // off: how far r is from 0; t: as above, or more
+    for (int i : among) {
+      if (separates[i]) continue;
+      off[i] = (std::fabs(high(r[i])) + width(r[i])) * assembly.contacts[i].scale;
+      if (size[i] > 0) t[i] = off[i];
     }
+    for (int i : among) {
+      if (separates[i] || size[i] > 0) continue;
+      const Beside& of = beside[i];
+      if (!of.is_known) return INFINITY;
+      int free = -1;  // a contact beside it that separates, and can make up for it
+      double rest = off[i];
+      for (int k = 0; k < 3; ++k)
+        if (!separates[of.contact[k]]) rest += (of.c[k] + of.rounding) * off[of.contact[k]];
+        else if (free < 0 || of.c[k] > of.c[free]) free = k;
+      if (free < 0) continue;
+      if (!(of.c[free] > 2 * of.rounding)) return INFINITY;
+      for (int s : of.contact)
+        if (separates[s] && t[s] > 0) return INFINITY;  // it makes up for another contact already
+      t[of.contact[free]] = rest / (of.c[free] - of.rounding);
+    }
+    double d = 0;
+    for (int i = 0; i < assembly.count; ++i) d += t[i] * size[i];
+    return d * (1 + 1e-9);
   }
-  // Whether two contacts have the same bodies and normal, and no wall that moves.
-  static bool is_beside(const AssembledContact& i, const AssembledContact& j) {
-    auto same = [](const auto& a, const auto& b) { return std::equal(std::begin(a), std::end(a), std::begin(b)); };
-    const int none[2] = {-1, -1};
-    return same(i.body, j.body) && same(i.normal, j.normal) && same(i.wall, none) && same(j.wall, none);
+
+  // Three contacts of the basis, and how a contact beside them depends on them.
+  struct Beside {
+    bool is_known = false;
+    int contact[3];
+    double c[3];  // sizes, without signs
+    double rounding;  // of each c
+  };
+
+  Beside contacts_beside(int i, const ActiveSet<double>& basis) const {
+    Beside found{};
+    int count = 0;  // at most three of one normal are independent
+    Vector line;
+    for (size_t k = 0; k < basis.members.size() && count < 3; ++k) {
+      const int s = basis.members[k];
+      if (!are_beside(assembly.contacts[i], assembly.contacts[s])) continue;
+      if (count == 0) basis.line(i, line);
+      found.contact[count] = s;
+      found.c[count++] = std::fabs(line[k]);
+    }
+    found.rounding = rounding * (found.c[0] + found.c[1] + found.c[2]);
+    found.is_known = count == 3;
+    return found;
+  }
+  // Whether two contacts have the same bodies, in whichever order, the same normal, and no wall that moves.
+  static bool are_beside(const AssembledContact& i, const AssembledContact& j) {
+    const bool turned = i.body[0] != j.body[0];
+    for (int side = 0; side < 2; ++side)
+      if (i.body[side] != j.body[turned ? 1 - side : side] || i.wall[side] >= 0 || j.wall[side] >= 0) return false;
+    return std::equal(i.normal, i.normal + 3, j.normal, [&](double a, double b) { return a == (turned ? -b : b); });
   }
 
   const Assembly& assembly;
-  Vector size;  // of the least d that gives a contact a velocity of 1, and the rest of the basis 0; 0: not in the basis
-  std::vector<std::array<int, 3>> corners;  // of the same rectangle; all are 0 if there is none
+  // Of the least d that gives a contact a velocity of 1, and the rest of the basis 0. 0: not in the basis.
+  Vector size;
+  std::vector<Beside> beside;  // of the contacts outside of the basis
   bool is_known = false;
-  double tiny = 0;  // a velocity that may be rounding
+  double rounding = 0;  // relative, of what is computed by the factor of A
 };
