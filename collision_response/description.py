@@ -268,7 +268,12 @@ def _sdf_inertial(link: Element) -> Inertial:
     mass = _mass(inertial.findtext("mass", "1"), where)
     numbers = {e.tag: e.text or "" for e in inertial.iterfind("inertia/*")}
     at_com = Inertial(mass, np.zeros(3), _tensor(numbers, 1.0, where))
-    return _transformed(_sdf_pose(inertial.find("pose"), where), at_com)
+    pose = inertial.find("pose")
+    if pose is not None and pose.get("relative_to"):
+        raise ValueError(
+            f"inertial of {where}: relative_to is not supported: give its pose in the link's axes"
+        )
+    return _transformed(_sdf_pose(pose, where), at_com)
 
 
 def _sdf_pose(pose: Element | None, where: str) -> Pose:

@@ -204,6 +204,10 @@ def test_a_link_may_share_its_name_with_a_joint_or_a_frame():
             ),
             "the pose of 'g' is relative to 'f', which has none",
         ),
+        (
+            sdf("<frame name='f'/><link name='a'><inertial><pose relative_to='f'/></inertial></link>"),
+            "inertial of link 'a': relative_to is not supported",
+        ),
         (sdf("<link name='a'><inertial auto='1'/></link>"), "link 'a': an inertial with auto='true'"),
         (sdf("<static>true</static><link name='a'/>"), "model 'model' is static: give it as a STATIC body"),
         (

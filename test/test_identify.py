@@ -11,6 +11,7 @@ pytest.importorskip("scipy")
 
 import numpy as np
 from measured import KHARAZ, READING, falling
+from refusals import refused
 from scipy.spatial.transform import Rotation
 
 from collision_response import Body, Contact, ImpactModel, Law, StatusCode, Twist, resolve
@@ -145,6 +146,40 @@ def test_sticking_impacts_only_bound_friction_from_below():
     steepest = (np.hypot(*impulses[:2]) / impulses[2]).max()
     assert mu.low == pytest.approx(steepest, rel=0.05)  # noise moves a twist by 1e-3
     assert "friction >= " in str(identify(measured, resamples=2))
+
+
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize("mu", [0.1, 0.1625, 0.25, 0.39, 0.41, 0.44, 0.6, 0.9, 1.3, 2.1])
+def test_one_impact_that_slides_determines_friction(law, mu):
+    """All others stick. From every friction that is too large, no search finds the one that slides."""
+    slips = [4.0 * mu, *[0.3 * mu] * 11]  # over the approach speed; spheres slide above 3.5 mu (1 + e) / 1.5
+    before = [Body.sphere(1.0, 0.1, position=(0, 0, 0.1), velocity=(s, 0.0, -1.0)) for s in slips]
+    touch = Contact.of((0, 0, 0), (0, 0, 1), 0.1, mu)
+    after = [resolve(ball, Body.static(), touch, ImpactModel(law)).twist_a for ball in before]
+    measured = Impacts.of(before, [Body.static()] * 12, [touch] * 12, after, after)
+    assert identify(measured, law, resamples=2).values == pytest.approx(
+        {"restitution": 0.1, "friction": mu}, abs=SOLVED
+    )
+
+
+@pytest.mark.parametrize("spin", [0.0, 3.0])
+def test_spins_that_only_rounding_changes_determine_nothing(spin):
+    """Without friction, an impact of spheres changes no spin, but the normals are rounded."""
+    rng = np.random.default_rng(0)
+    normals = [n / np.linalg.norm(n) for n in rng.normal(size=(12, 3))]
+    twists = [{"velocity": -n, "angular_velocity": spin * rng.normal(size=3)} for n in normals]
+    before = [
+        Body.sphere(1.0, 0.1, position=0.1 * n, **twist) for n, twist in zip(normals, twists, strict=True)
+    ]
+    contacts, walls = [Contact.of((0, 0, 0), n, 0.5) for n in normals], [Body.static()] * 12
+    answers = [resolve(*one).twist_a for one in zip(before, walls, contacts, strict=True)]
+    told = [Twist(Vec3(*[math.nan] * 3), twist.angular) for twist in answers]
+    measured = Impacts.of(before, walls, contacts, told, told)
+    if spin:  # COULOMB would change it, so the impacts are informative
+        assert math.isnan(identify(measured, Law.FRICTIONLESS, resamples=2).coefficients["restitution"].value)
+        return
+    with refused(StatusCode.INVALID_TABLE, match="depends on the coefficients"):
+        identify(measured, Law.FRICTIONLESS, resamples=2)
 
 
 def test_a_coefficient_without_effect_is_not_determined():

@@ -88,6 +88,22 @@ def test_solid_equals_a_fine_grid_of_particles(solid, inside, half):
     assert moments == pytest.approx([solid.inertia.xx, solid.inertia.yy, solid.inertia.zz], rel=2e-3)
 
 
+@pytest.mark.parametrize("count", [1, 2, 3, 7])
+def test_particles_of_fractions_have_exact_properties(count):
+    """Against moments about the origin, moved to the centre of mass."""
+    shares = [Fraction(k + 1, k + 3) for k in range(count)]
+    places = [[Fraction((5 * k + i) % 7 - 3, 1 + (k + 2 * i) % 4) for i in range(3)] for k in range(count)]
+    mass, com, inertia = mp.of_particles(zip(shares, places, strict=True))
+    assert mass == sum(shares)
+    assert list(com) == [sum(m * r[i] for m, r in zip(shares, places, strict=True)) / mass for i in range(3)]
+
+    def moment(i: int, j: int) -> Fraction:
+        return sum(m * r[i] * r[j] for m, r in zip(shares, places, strict=True)) - mass * com[i] * com[j]
+
+    xx, yy, zz = (moment(i, i) for i in range(3))
+    assert inertia == (yy + zz, -moment(0, 1), -moment(0, 2), xx + zz, -moment(1, 2), xx + yy)
+
+
 def test_particles_must_have_mass():
     with pytest.raises(ValueError, match="add up to more than 0"):
         mp.of_particles([mp.Particle(0.0, Vec3(1.0, 2.0, 3.0))])

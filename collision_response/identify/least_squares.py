@@ -71,7 +71,7 @@ def residual_unit(measured: Measurements, kind: str) -> float:
 
     It is the root of the sum of the squared residuals without friction, at restitution 0 and 1 together; 1 if
     these are all 0. Unlike the size of the measurements, it is not 0 if all bodies stop, and it is the same
-    in a moving frame.
+    in a moving frame, unless that is so fast that negligible residuals would be rounding.
 
     Raises:
         ImpactError: OUT_OF_RANGE if the square of a residual or a measurement is beyond float64.
@@ -83,7 +83,8 @@ def residual_unit(measured: Measurements, kind: str) -> float:
     if not math.isfinite(largest):
         reason = "a measurement is too large: its square is beyond float64"
         raise ImpactError(StatusCode.OUT_OF_RANGE, "impacts", reason)
-    return math.sqrt(squares) or 1.0
+    rounding = math.sqrt(float((measured.rounding(kind) ** 2).sum()) / NEGLIGIBLE_SQUARES)
+    return max(math.sqrt(squares), rounding) or 1.0
 
 
 class LeastSquares(NamedTuple):
@@ -126,8 +127,9 @@ class LeastSquares(NamedTuple):
     def start(self) -> Array:
         """Return the point where the final search begins: the best of rough solutions from several points.
 
-        They have different frictions, first those in valleys: where all impacts stick, friction has no
-        effect, and where a law falls back to another, its answer jumps. No search leaves such a region.
+        They have different frictions, first those in valleys, last those that are as good as a smaller one:
+        where all impacts stick, friction has no effect, and where a law falls back to another, its answer
+        jumps. No search leaves such a region.
         """
         squares = {
             place: self.squares(place) for place in product(*(RANGES[name].starts for name in self.names))
@@ -138,7 +140,11 @@ class LeastSquares(NamedTuple):
             lowest, values = {place[i]: place for place in reversed(chosen)}, RANGES["friction"].starts
             heights = [math.inf, *(squares[lowest[value]] for value in values), math.inf]
             is_valley = {v: heights[k] > heights[k + 1] <= heights[k + 2] for k, v in enumerate(values)}
-            chosen = sorted(lowest.values(), key=lambda place: (not is_valley[place[i]], squares[place]))
+            is_flat = {v: math.isclose(heights[k], heights[k + 1]) for k, v in enumerate(values)}
+            chosen = sorted(
+                lowest.values(),
+                key=lambda place: (not is_valley[place[i]], is_flat[place[i]], squares[place]),
+            )
         found = (self.solve(np.array(place), ROUGH_PRECISION) for place in chosen[:SEARCHES])
         return min(found, key=lambda one: one.cost).x
 

@@ -59,6 +59,9 @@ class Measurements(Protocol):
     def sizes(self, kind: str) -> Array:
         """Return the measurements in the same norm as the residuals, shape ``(rows, N)``."""
 
+    def rounding(self, kind: str) -> Array:
+        """Return up to which size a difference of two residuals may be rounding, shape ``(N,)``."""
+
 
 EXTREME_COEFFICIENTS = (0.0, 0.0), (1.0, 0.0), (0.0, 1e3)
 """Pairs of restitution and friction. A measurement that is predicted the same with all of them depends on
@@ -74,7 +77,8 @@ def informative(measured: Measurements, kind: str) -> Measurements:
         measured.residuals(Law.COULOMB, {"restitution": e, "friction": mu}, kind)
         for e, mu in EXTREME_COEFFICIENTS
     )
-    depends = np.any([one != first for one in others], axis=0) & measured.is_measured(kind)
+    least = measured.rounding(kind)
+    depends = np.any([abs(one - first) > least for one in others], axis=0) & measured.is_measured(kind)
     return measured.take(np.flatnonzero(measured.approaching() & depends.any(axis=0)))
 
 
@@ -167,6 +171,11 @@ class Impacts(Measurements):
 
     def sizes(self, kind: str) -> Array:
         return self._in_norm(kind, self.after)
+
+    def rounding(self, kind: str) -> Array:
+        before, after = self._twists_before(), self.predict(Law.FRICTIONLESS, {"restitution": 1.0})
+        largest = [abs(self._in_norm(kind, twists)).max(axis=0) for twists in (before, after - before)]
+        return np.asarray(ROUNDING * np.maximum(*largest))
 
     def predict(self, law: Law, coefficients: CoefficientValues) -> Array:
         """Return the twists after the impacts according to a law, in the layout of ``after``.
@@ -398,6 +407,9 @@ class SphereReadings(Measurements):
 
     def sizes(self, kind: str) -> Array:
         return self._in_reading_errors(kind, self._rows[2])
+
+    def rounding(self, kind: str) -> Array:
+        return np.zeros(len(self))  # the normal is along an axis: what depends on nothing stays the same
 
     def predict(self, law: Law, coefficients: CoefficientValues) -> Array:
         """Return the readings that a law predicts, shape ``(N,)``.

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, ParamSpec
 from ..arguments import as_list, real_number
 from ..numbers.operations import Scalar
 from ..status import ImpactError, StatusCode, format_value
-from .tensor import ZERO_TENSOR, Symmetric3
+from .tensor import UNIT, Symmetric3
 from .vector import ZERO, Vec3, as_vector
 
 P = ParamSpec("P")
@@ -60,7 +60,7 @@ def of_particles(particles: Iterable[tuple[Scalar, Iterable[Scalar]]]) -> MassPr
     if not mass > 0:
         raise ValueError(f"the particles' masses must add up to more than 0, not {mass}")
     com = sum((p.position * p.mass for p in checked[1:]), checked[0].position * checked[0].mass) / mass
-    inertia = ZERO_TENSOR
+    inertia = UNIT * 0  # of whole numbers: floats would make fractions inexact
     for m, position in checked:
         x, y, z = position - com
         inertia += Symmetric3(
