@@ -1,5 +1,5 @@
-"""Error bounds in scenes stay small, and hold in any order of bodies and contacts, where doubles are not enough:
-in piles, in tall stacks, and among bodies and coefficients of opposite magnitudes.
+"""Error bounds in scenes stay small, and hold in any order of bodies and contacts, where doubles are not
+enough: in piles, in tall stacks, and among bodies and coefficients of opposite magnitudes.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import pytest
 from scene_cases import Scene, assert_within_bound, distance, tower
 
 from collision_response import Adjustment, Body, Contact, Law
+from collision_response.physics.vector import Vec3
 
 SMALL = 1e-6
 CORNERS = [(x, y) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
@@ -192,3 +193,25 @@ def test_opposite_magnitudes(first):
     """Left out are ranges with a seed that has a larger bound, or that the order decides: 512, 2500, 2856."""
     for seed in range(first, first + 50):
         assert_small_bound_in_any_order(opposites(seed))
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
+@pytest.mark.parametrize("heavy", [1e8, 100839859.4879586])
+def test_impulses_that_diverge_in_doubles_are_found_with_more_digits(heavy, law):
+    """With this light box among heavier ones, what doubles take for corrections grows without end."""
+    places = [
+        *((1, 2, -1, 1, 2, -1), (3, 2, -1, 1, 3, 1), (2, 1, 1, -1, 2, 1), (0, 1, -1, 1, 1, -1)),
+        *((2, 1, 1, 1, 2, 1), (5, 0, 1, -1, 0, -1), (0, 5, -1, 1, 0, 1), (1, 0, -1, -1, 1, 1)),
+        *((0, 5, 1, 1, 0, 1), (4, 3, 1, -1, 4, 1), (4, 3, -1, 1, 4, 1)),
+    ]
+    masses = (1.0, 1.0, 5.482006527106138e-09, heavy, 1.0)
+    bodies = [
+        Body.box(mass, (1e4, 1e3 if mass >= 1 else 1e4, 1e4), position=(0, 0, (i + 0.5) * 1e4))
+        for i, mass in enumerate(masses)
+    ]
+    bodies[0] = bodies[0]._replace(angular_velocity=Vec3(0.12348219792516968, 0.0, 0.0))
+    contacts = [Contact.of((5e3 * x, 5e3 * y, 1e4 * z), (0, 0, side), 0.0) for _, _, x, y, z, side in places]
+    scene = Scene([*bodies, Body.static()], [place[:2] for place in places], contacts)
+    answer = scene.resolve(law)
+    assert answer.error_bound < SMALL
+    assert_within_bound(scene, answer, scene.in_fractions().resolve(Law.FRICTIONLESS))

@@ -6,7 +6,7 @@ struct Projection {
   MinimumStatus status;
   std::vector<DD> q;  // impulses along the normals
   std::vector<N> r;  // velocities after them; only those of the contacts that were projected
-  double error;  // a bound on that of the velocities, in the metric of kinetic energy
+  double error;  // a bound on that of the velocities, in the metric of kinetic energy; infinite if they did not settle
   bool is_settled = false;  // whether all velocities are right within their rounding: more digits change nothing
 };
 
@@ -65,10 +65,13 @@ Projection project_with(const Assembly& assembly, const std::vector<R>& matrix, 
   };
   std::vector<R> y;
   for (int round = 0; round < 4 * count + 20; ++round) {
+    double residual = 0, first_residual = INFINITY;
     for (int turn = 0; turn < 8; ++turn) {  // refine the active impulses, by Newton's method
       update_r();
       is_settled = true;
       y.clear();
+      residual = greatest_scaled(assembly, r, active.members);
+      if (turn == 0) first_residual = residual;
       for (int j : active.members) {
         y.push_back(-rounded_to<R>(r[j]) * scale(j));
         is_settled = is_settled && std::fabs(high(r[j])) <= 2 * r[j].error;
@@ -81,6 +84,7 @@ Projection project_with(const Assembly& assembly, const std::vector<R>& matrix, 
         q[j] = q[j] + lifted<DD>(y[k] * scale(j));
       }
     }
+    if (!is_settled && !(residual <= first_residual)) return result;  // it diverges: R has too few digits
     int worst = -1;  // the most negative impulse leaves
     for (size_t k = 0; k < active.members.size(); ++k) {
       int j = active.members[k], other = active.members[worst < 0 ? k : worst];
@@ -133,7 +137,7 @@ inline Projection project(const Assembly& assembly, const DD* p, const std::vect
   const double fine = assembly.is_locked ? INFINITY : FINE * greatest_scaled(assembly, start, among);
   if (found.status == MinimumStatus::FOUND && (found.error <= fine || found.is_settled)) return found;
   const Projection finer = project_with(assembly, assembly.couplings<DD>(), start, among);
-  return finer.error < found.error || found.status != MinimumStatus::FOUND ? finer : found;
+  return found.error <= finer.error && found.status == MinimumStatus::FOUND ? found : finer;
 }
 
 // The impulses that give all contacts velocities of at least -e min(u, 0).

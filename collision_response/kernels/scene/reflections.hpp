@@ -67,7 +67,7 @@ struct Reflections {
  private:
   Projection project_from(const std::vector<DD>& p, const std::vector<int>& among) const {
     Projection found = project(assembly, p.data(), among, nullptr);
-    if (found.status == MinimumStatus::FOUND)
+    if (found.status == MinimumStatus::FOUND && found.error < INFINITY)
       found.error = std::fmin(found.error, residual_bound(among, found.q, found.r));
     return found;
   }
