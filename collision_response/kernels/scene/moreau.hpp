@@ -13,8 +13,8 @@
 // pile it may depend on the order of the contacts.
 //
 // The error bound is an estimate. It tries shifts near the one found, and measures how much nearer one update takes
-// them. Of solutions that lie apart from it, the bound knows nothing. If it takes them no nearer, as when contacts lock, or when several ways to share a load lead to several u+,
-// the bound is infinite.
+// them. Of solutions that lie apart from it, the bound knows nothing. If it takes them no nearer, as when contacts lock,
+// or when several ways to share a load lead to several u+, the bound is infinite.
 //
 // COULOMB answers instead if s does not settle, or if no velocities rebound from all contacts. Unequal coefficients,
 // and friction, may create energy: if they create more than 2^-40 of the work at the contacts, COULOMB answers, or

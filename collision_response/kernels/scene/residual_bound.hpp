@@ -7,7 +7,7 @@
 //
 // then w + d is the exact projection of v + d. Projections do not increase distances: that of v is within 2 |d| of w.
 //
-// Velocities are scaled to a diagonal of A of 1. Let S be a basis of independent contacts. The least d with N_S^T d = t has the size
+// Let S be a basis of independent contacts, scaled to a diagonal of A of 1. The least d with N_S^T d = t has the size
 //
 //     |d| = sqrt(t.A_SS^-1 t) <= sum |t_s| sqrt((A_SS^-1)_ss)
 //
@@ -62,16 +62,16 @@ class ResidualBound {
       if (separates[i] || size[i] > 0) continue;
       const Beside& of = beside[i];
       if (!of.is_known) return INFINITY;
-      int free = -1;  // a contact beside it that separates, and can make up for it
+      int spare = -1;  // a contact beside it that separates, and can make up for it
       double rest = off[i];
       for (int k = 0; k < 3; ++k)
         if (!separates[of.contact[k]]) rest += (of.c[k] + of.rounding) * off[of.contact[k]];
-        else if (free < 0 || of.c[k] > of.c[free]) free = k;
-      if (free < 0) continue;
-      if (!(of.c[free] > 2 * of.rounding)) return INFINITY;
+        else if (spare < 0 || of.c[k] > of.c[spare]) spare = k;
+      if (spare < 0) continue;
+      if (!(of.c[spare] > 2 * of.rounding)) return INFINITY;
       for (int s : of.contact)
         if (separates[s] && t[s] > 0) return INFINITY;  // it makes up for another contact already
-      t[of.contact[free]] = rest / (of.c[free] - of.rounding);
+      t[of.contact[spare]] = rest / (of.c[spare] - of.rounding);
     }
     double d = 0;
     for (int i = 0; i < assembly.count; ++i) d += t[i] * size[i];
