@@ -215,3 +215,20 @@ def test_impulses_that_diverge_in_doubles_are_found_with_more_digits(heavy, law)
     answer = scene.resolve(law)
     assert answer.error_bound < SMALL
     assert_within_bound(scene, answer, scene.in_fractions().resolve(Law.FRICTIONLESS))
+
+
+@pytest.mark.parametrize("heavy", [1e9, 1e10, 1e12])
+@pytest.mark.parametrize("light", [1.0, 1e-3, 1e-6])
+@pytest.mark.parametrize("e", [0.5, 1.0])
+def test_slow_approaches_of_heavy_bodies_are_stopped(heavy, light, e):
+    """A light box hits a heavy one, which lies on another. The heavy one gains little speed, but much momentum:
+    to stop it changes more than the error of the velocities before.
+    """
+    masses = (1.0, heavy, light)
+    bodies = [Body.box(mass, (1, 1, 1), position=(0, 0, k + 0.5)) for k, mass in enumerate(masses)]
+    bodies[2] = bodies[2]._replace(velocity=Vec3(0.0, 0.0, -1.0))
+    pairs = [(k, k - 1 if k else 3) for k in range(3) for _ in CORNERS]
+    contacts = [Contact.of((x, y, k), (0, 0, 1), e) for k in range(3) for x, y in CORNERS]
+    scene = Scene([*bodies, Body.static()], pairs, contacts)
+    answer = scene.resolve(Law.FRICTIONLESS)
+    assert_within_bound(scene, answer, scene.in_fractions().resolve(Law.FRICTIONLESS))

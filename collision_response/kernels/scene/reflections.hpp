@@ -34,13 +34,11 @@ struct Reflections {
       return result;
     };
     if (!(result.restitution > 0) || assembly.is_locked) return inelastic();
-    bool all_separate = false;
     for (int turn = 0;; ++turn) {
       if (turn == REFLECTIONS) return inelastic();
       const Violations seen = find_violations(p.data(), error, threshold * speed, threshold * doubt);
       if (!seen.is_certain) error = INFINITY;
       result.margin = std::fmin(result.margin, seen.margin / speed);
-      all_separate = seen.all_separate;
       if (seen.violated.empty()) break;
       bool is_first = turn == 0 && static_cast<int>(seen.violated.size()) == assembly.count;
       Projection next = is_first ? first : project_from(p, seen.violated);
@@ -56,7 +54,7 @@ struct Reflections {
     result.error = result.restitution * error + (1 - result.restitution) * first.error + rounding +
                    assembly.velocity_size(p.data()) * 0x1p-98;
     result.error += add(p, 1, first.q);
-    if (!all_separate && approaches(p.data(), result.error)) {  // more slowly than the threshold
+    if (may_approach(p.data())) {  // more slowly than the threshold
       Projection last = project_from(p, assembly.all_contacts());
       if (last.status != MinimumStatus::FOUND) return {false};
       result.error += add(p, 1, last.q) + last.error;
@@ -155,7 +153,6 @@ struct Reflections {
     std::vector<int> violated;  // the contacts that approach at the limit or faster
     double margin = INFINITY;  // the least distance of a contact from the limit
     bool is_certain = true;  // whether the errors leave `violated` without doubt
-    bool all_separate = true;  // no contact approaches, whatever the threshold
   };
   Violations find_violations(const DD* p, double error, double limit, double doubt) const {
     Violations seen;
@@ -168,17 +165,14 @@ struct Reflections {
       seen.is_certain = seen.is_certain && (distance > known || (known == 0 && error == 0));
       seen.margin = std::fmin(seen.margin, distance / contact.length);
       if (high(off) <= 0 && high(u[i]) < 0) seen.violated.push_back(i);
-      seen.all_separate = seen.all_separate && high(u[i]) >= 0;
     }
     return seen;
   }
 
-  // Whether some contact certainly approaches.
-  bool approaches(const DD* p, double error) const {
-    std::vector<N> u = assembly.velocities(p);
-    for (int i = 0; i < assembly.count; ++i)
-      if (high(u[i]) < -width(u[i]) - error / assembly.contacts[i].scale) return true;
-    return false;
+  // Whether some contact may approach.
+  bool may_approach(const DD* p) const {
+    const std::vector<N> u = assembly.velocities(p);
+    return std::any_of(u.begin(), u.end(), [](const N& x) { return high(x) < width(x); });
   }
 
   // p += a q, for a power of two a. Returns a bound on the error that rounding causes in the velocities.
