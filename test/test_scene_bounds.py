@@ -221,8 +221,8 @@ def test_impulses_that_diverge_in_doubles_are_found_with_more_digits(heavy, law)
 @pytest.mark.parametrize("light", [1.0, 1e-3, 1e-6])
 @pytest.mark.parametrize("e", [0.5, 1.0])
 def test_slow_approaches_of_heavy_bodies_are_stopped(heavy, light, e):
-    """A light box hits a heavy one, which lies on another. The heavy one gains little speed, but much momentum:
-    to stop it changes more than the error of the velocities before.
+    """A light box hits a heavy one that lies on another. It gains little speed, but stopping it changes more
+    than the error of the velocities before.
     """
     masses = (1.0, heavy, light)
     bodies = [Body.box(mass, (1, 1, 1), position=(0, 0, k + 0.5)) for k, mass in enumerate(masses)]
