@@ -162,6 +162,24 @@ def test_one_impact_that_slides_determines_friction(law, mu):
     )
 
 
+@pytest.mark.parametrize("loss", ["linear", "soft_l1", "huber", "cauchy"])
+@pytest.mark.parametrize("noise", [0.0, 1e-12, 1e-10, 1e-8])
+@pytest.mark.parametrize("e", [0.0, 1.0])
+@pytest.mark.parametrize("mu", [0.004, 0.3])
+def test_friction_is_determined_however_small_it_and_the_noise_are(loss, noise, e, mu):
+    """Spheres that slide, but stick with a friction that is more than 8 / (3.5 (1 + e)) times as large."""
+    rng = np.random.default_rng(0)
+    before = [Body.sphere(1.0, 0.1, position=(0, 0, 0.1), velocity=(8 * mu, 0.0, -1.0))] * 3
+    touch = Contact.of((0, 0, 0), (0, 0, 1), e, mu)
+    exact = resolve(before[0], Body.static(), touch).twist_a
+    after = [Twist(*(part + Vec3(*noise * rng.normal(size=3)) for part in exact)) for _ in before]
+    found = identify(
+        Impacts.of(before, [Body.static()] * 3, [touch] * 3, after, after), loss=loss, resamples=2
+    )
+    assert found.coefficients["friction"].value == pytest.approx(mu, abs=SOLVED)
+    assert found.values["restitution"] == pytest.approx(e, abs=SOLVED)
+
+
 @pytest.mark.parametrize("spin", [0.0, 3.0])
 def test_spins_that_only_rounding_changes_determine_nothing(spin):
     """Without friction, an impact of spheres changes no spin, but the normals are rounded."""

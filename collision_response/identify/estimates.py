@@ -90,7 +90,8 @@ def _percentile(values: Array, percent: float) -> Any:
 def undetermined(problem: LeastSquares, best: Any) -> dict[str, Estimate]:
     """Return, for each coefficient that the impacts do not determine, the range that they do not rule out."""
     unknown = _confounded(best.jac, problem.names)
-    allowed = problem.squares(best.x) + 2 * HALF_CHI_SQUARE * _variance(problem, best) + NEGLIGIBLE_SQUARES
+    negligible = float(problem.reduced(NEGLIGIBLE_SQUARES))
+    allowed = problem.squares(best.x) + 2 * HALF_CHI_SQUARE * _variance(problem, best) + negligible
     found = {name: Estimate(math.nan, *RANGES[name][:2], math.inf) for name in unknown}
     rest = {
         name: _undetermined_alone(problem, best, name, allowed)

@@ -26,7 +26,7 @@ class Range(NamedTuple):
 
 RANGES = {
     "restitution": Range(0.0, 1.0, (0.1, 0.3, 0.5, 0.7, 0.9, 1.0)),  # at 1 MOREAU falls back most often
-    "friction": Range(0.0, math.inf, (0.03, 0.05, 0.08, 0.13, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5, 2.5)),
+    "friction": Range(0.0, math.inf, (0.001, 0.03, 0.05, 0.08, 0.13, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5, 2.5)),
     "tangential_restitution": Range(-1.0, 1.0, (-0.5, 0.0, 0.5)),
     "stiffness_ratio": Range(0.05, 20.0, (0.5, 1.0, 3.0)),
 }
@@ -44,8 +44,9 @@ ROUGH_PRECISION = 1e-4
 the bootstrap, and those that tell which values of a coefficient are ruled out. Also how close to a limit a
 coefficient must be to be moved onto it."""
 
-ROUNDING = 1e-13
-"""A residual of at most this size, in units of the problem, counts as a rounding error."""
+LEFT_OVER = 1e-9
+"""What a search may leave of a residual, in units of the problem, or of the distance to a limit. SciPy starts
+``PRECISION`` inside of a limit."""
 
 NEGLIGIBLE_SQUARES = 1e-12
 """A sum of squares of at most this size, in squared units of the problem, counts as 0."""
@@ -150,21 +151,24 @@ class LeastSquares(NamedTuple):
 
     def squares(self, x: Iterable[float]) -> float:
         """Return the sum of the squared residuals at ``x``, with outliers reduced by the loss."""
-        squares = self.residuals(x) ** 2
-        if self.scale:
-            squares = self.scale**2 * LOSSES[self.loss](squares / self.scale**2)
-        return float(squares.sum())
+        return float(np.sum(self.reduced(self.residuals(x) ** 2)))
+
+    def reduced(self, squares: Any) -> Any:
+        """Return squared residuals, with outliers reduced by the loss."""
+        if not self.scale:
+            return squares
+        return self.scale**2 * LOSSES[self.loss](squares / self.scale**2)
 
     def best(self) -> tuple[LeastSquares, Any]:
         """Return the problem with its scale set, and SciPy's solution of it.
 
         The scale is taken from the median residual of a fit that treats no residual as an outlier. Residuals
-        that are 0 do not count in the median, because they do not tell how noisy the others are. An outlier
-        may lead that fit astray, and from far away "arctan" does not find back; "soft_l1", which is convex,
-        does.
+        that are 0, or what a search leaves, do not count in the median, because they do not tell how noisy
+        the others are: with so small a scale, SciPy would take all others for outliers. An outlier may lead
+        that fit astray, and from far away "arctan" does not find back; "soft_l1", which is convex, does.
         """
         first = self.solve(self.start())
-        noise = abs(first.fun[abs(first.fun) > ROUNDING])
+        noise = abs(first.fun[abs(first.fun) > LEFT_OVER])
         if self.loss == "linear" or not noise.size:
             return self, first
         scaled = self._replace(scale=1.4826 * float(np.median(noise)))
@@ -221,13 +225,13 @@ class LeastSquares(NamedTuple):
 def _snap_to_limits(x: Array, one: Any, limits: Iterable[Array], precision: float) -> Array:
     """Return ``x`` with coefficients moved onto their limits, which SciPy approaches but never reaches.
 
-    A coefficient is moved if it is close to the limit, the next step would reach or cross it, and the cost
-    stays the same to the given relative precision.
+    A coefficient is moved if the search could not come closer to the limit; or if it is close to it, the next
+    step would reach or cross it, and the cost stays the same to the given relative precision.
     """
     curvature = (one.jac**2).sum(axis=0)
     for limit in limits:
         way = np.where(abs(limit - x) < ROUGH_PRECISION, limit - x, 0.0)
         gain = -one.grad * way
         is_there = (gain + PRECISION**2 >= curvature * way**2) & (gain <= precision * one.cost + PRECISION**2)
-        x = np.where(is_there, x + way, x)
+        x = np.where(is_there | (abs(way) <= LEFT_OVER), x + way, x)
     return x
