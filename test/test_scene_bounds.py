@@ -217,18 +217,33 @@ def test_impulses_that_diverge_in_doubles_are_found_with_more_digits(heavy, law)
     assert_within_bound(scene, answer, scene.in_fractions().resolve(Law.FRICTIONLESS))
 
 
+def light_box_on_heavy_one(heavy: float, light: float, e: float, mu: float = 0.0) -> Scene:
+    """A light box falls on a heavy one, which lies on a third."""
+    bodies = [
+        Body.box(mass, (1, 1, 1), position=(0, 0, k + 0.5)) for k, mass in enumerate((1.0, heavy, light))
+    ]
+    bodies[2] = bodies[2]._replace(velocity=Vec3(0.0, 0.0, -1.0))
+    pairs = [(k, k - 1 if k else 3) for k in range(3) for _ in CORNERS]
+    contacts = [Contact.of((x, y, k), (0, 0, 1), e, mu) for k in range(3) for x, y in CORNERS]
+    return Scene([*bodies, Body.static()], pairs, contacts)
+
+
 @pytest.mark.parametrize("heavy", [1e9, 1e10, 1e12])
 @pytest.mark.parametrize("light", [1.0, 1e-3, 1e-6])
 @pytest.mark.parametrize("e", [0.5, 1.0])
 def test_slow_approaches_of_heavy_bodies_are_stopped(heavy, light, e):
-    """A light box hits a heavy one that lies on another. It gains little speed, but stopping it changes more
-    than the error of the velocities before.
-    """
-    masses = (1.0, heavy, light)
-    bodies = [Body.box(mass, (1, 1, 1), position=(0, 0, k + 0.5)) for k, mass in enumerate(masses)]
-    bodies[2] = bodies[2]._replace(velocity=Vec3(0.0, 0.0, -1.0))
-    pairs = [(k, k - 1 if k else 3) for k in range(3) for _ in CORNERS]
-    contacts = [Contact.of((x, y, k), (0, 0, 1), e) for k in range(3) for x, y in CORNERS]
-    scene = Scene([*bodies, Body.static()], pairs, contacts)
+    """It gains little speed, but stopping it changes more than the error of the velocities before."""
+    scene = light_box_on_heavy_one(heavy, light, e)
     answer = scene.resolve(Law.FRICTIONLESS)
     assert_within_bound(scene, answer, scene.in_fractions().resolve(Law.FRICTIONLESS))
+
+
+@pytest.mark.parametrize("heavy", [1e3, 1e5, 1e6, 1e9])
+@pytest.mark.parametrize("light", [1.0, 1e-3])
+@pytest.mark.parametrize("e", [0.5, 1.0])
+@pytest.mark.parametrize("mu", [0.1, 1.0])
+def test_friction_without_slip_keeps_the_velocities_of_heavy_bodies(heavy, light, e, mu):
+    """A small error of the velocity at a contact is a great change of the motion of a heavy body."""
+    scene = light_box_on_heavy_one(heavy, light, e, mu)
+    answer, without = (scene.resolve(law) for law in (Law.COULOMB, Law.FRICTIONLESS))
+    assert distance(scene, answer, without) <= answer.error_bound + without.error_bound < SMALL

@@ -133,9 +133,15 @@ inline double solve_in_double_double(const Assembly& assembly, const std::vector
                                       value(assembly.velocity_change(contact, changes)) / contact.length_in<DD>() /
                                       speed);
   }
+  precise.is_firm = !programme.keeps_heavy;
   precise.prepare();
   double precise_error = precise.solve_from(programme);
-  if (!(precise_error < error)) return error;
+  if (precise.is_firm && !(precise_error <= enough)) {  // as if no body were heavy
+    if (error <= enough) return error;
+    precise.is_firm = false;
+    precise_error = precise.solve();
+  }
+  if (!precise.is_firm && !(precise_error < error)) return error;
   for (size_t k = 0; k < loaded.size(); ++k)
     for (int axis = 0; axis < 3; ++axis) {
       programme.P[k][axis] = precise.P[k][axis].h;
@@ -190,7 +196,7 @@ inline ClusterImpulses least_work_friction(const Assembly& assembly, const Clust
   programme.prepare();
   double error = programme.solve();
   const double enough = error_for_bound(assembly, programme.motion(), ACCEPTED_IN_DOUBLES);
-  if (!(error <= enough))
+  if (!(error <= enough) || !programme.keeps_heavy)
     error = solve_in_double_double(assembly, loaded, frictionless.normal, speed, mean, programme, error, enough);
   result.error += error * speed;
   std::vector<Axes> P(count);
