@@ -6,7 +6,7 @@ struct Projection {
   MinimumStatus status;
   std::vector<DD> q;  // impulses along the normals
   std::vector<N> r;  // velocities after them; only those of the contacts that were projected
-  double error;  // a bound on that of the velocities, in the metric of kinetic energy; infinite if they did not settle
+  double error;  // a bound on that of the velocities, in the metric of kinetic energy
   bool is_settled = false;  // whether all velocities are right within their rounding: more digits change nothing
 };
 
@@ -84,7 +84,7 @@ Projection project_with(const Assembly& assembly, const std::vector<R>& matrix, 
         q[j] = q[j] + lifted<DD>(y[k] * scale(j));
       }
     }
-    if (!is_settled && !(residual <= first_residual)) return result;  // it diverges: R has too few digits
+    if (!is_settled && !(residual <= first_residual)) break;  // it diverges: R has too few digits
     int worst = -1;  // the most negative impulse leaves
     for (size_t k = 0; k < active.members.size(); ++k) {
       int j = active.members[k], other = active.members[worst < 0 ? k : worst];
