@@ -232,7 +232,7 @@ def light_box_on_heavy_one(heavy: float, light: float, e: float, mu: float = 0.0
 @pytest.mark.parametrize("light", [1.0, 1e-3, 1e-6])
 @pytest.mark.parametrize("e", [0.5, 1.0])
 def test_slow_approaches_of_heavy_bodies_are_stopped(heavy, light, e):
-    """It gains little speed, but stopping it changes more than the error of the velocities before."""
+    """The heavy box hardly moves, but stopping it changes more than the error of the velocities before."""
     scene = light_box_on_heavy_one(heavy, light, e)
     answer = scene.resolve(Law.FRICTIONLESS)
     assert_within_bound(scene, answer, scene.in_fractions().resolve(Law.FRICTIONLESS))

@@ -83,7 +83,7 @@ class Cones {
     for (Vector* one : {&x, &gradient, &step, &rhs, &column}) one->resize(variables);
     slopes.resize(n);
     multipliers.resize(kept_velocities.size());
-    sticking.assign(cones.size(), 0);
+    sticking.resize(kept_velocities.size());
     has_heavy = !kept_velocities.empty() && std::any_of(cones.begin(), cones.end(), has_heavy_body);
     if (has_heavy) bound_multipliers();
     for (const Cone& cone : cones)
@@ -117,6 +117,7 @@ class Cones {
   // Find P: of all solutions nearly the one with the least sum of squares. Returns a bound on the error of y.
   double solve() {
     if (work >= BUDGET) return INFINITY;
+    multipliers.assign(kept_velocities.size(), R{});
     if (!is_scalar<R> && fastest > SLOW_SLIP) solve_by_raising_slip();
     else solve_from_zero();
     if (const double error = keep_velocities(); error <= enough) return error;
@@ -400,7 +401,7 @@ class Cones {
   //
   //     lambda_S = A_SS^-1 u+     |lambda_s| <= a_s sqrt(u+.A_SS^-1 u+) <= a_s sum a_i |u_i+|
   void bound_multipliers() {
-    constexpr double DEPENDS = is_scalar<R> ? 1e-14 : 1e-29;
+    constexpr double DEPENDS = is_scalar<R> ? 1e-14 : DEPENDENT<R>;  // pivots beside heavy bodies are small
     const int count = static_cast<int>(cones.size());
     std::vector<R> A(static_cast<size_t>(count) * count);
     for (int i = 0; i < count; ++i) {

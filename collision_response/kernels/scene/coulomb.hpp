@@ -118,8 +118,8 @@ inline double error_for_bound(const Assembly& assembly, const Vector& y, double 
 
 constexpr double ACCEPTED_IN_DOUBLES = 1e-6;  // a bound on the error of an answer: no need for double-double
 
-// Solve the programme of least work again, in double-double. If this reduces `error`, the bound on the error of y, set
-// the impulses of `programme`. Returns the new bound.
+// Solve the programme of least work again, in double-double. If this reduces `error`, the bound on the error of y, or
+// keeps the velocities of heavy bodies, set the impulses of `programme`. Returns the new bound.
 inline double solve_in_double_double(const Assembly& assembly, const std::vector<int>& loaded, const std::vector<DD>& p,
                                      double speed, double mean, Cones<double>& programme, double error, double enough) {
   Cones<DD> precise(assembly.body_count);

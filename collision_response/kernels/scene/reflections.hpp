@@ -1,6 +1,8 @@
 // FRICTIONLESS: generalised reflections in double-double. scene/reflections.py derives them, and computes them in
 // fractions by the same steps.
 #pragma once
+#include <optional>
+
 #include "impulses.hpp"
 #include "least_norm.hpp"
 #include "projection.hpp"
@@ -8,9 +10,9 @@
 
 struct Reflections {
   const Assembly& assembly;
-  const ResidualBound residual_bound{assembly};
+  std::optional<ResidualBound> residual_bound{};  // from the first projection on
 
-  ClusterImpulses resolve(double threshold) const {
+  ClusterImpulses resolve(double threshold) {
     ClusterImpulses result;
     std::vector<DD>& p = result.normal;
     p.resize(assembly.count);
@@ -21,6 +23,7 @@ struct Reflections {
       doubt = std::fmax(doubt, width(contact.velocity) / contact.length + std::fabs(approach) * 0x1p-50);
     }
     if (!(speed > 0)) return result;
+    residual_bound.emplace(assembly);
     const Projection first = project_from(p, assembly.all_contacts());
     if (first.status != MinimumStatus::FOUND) return {false};
     double e_error;
@@ -66,7 +69,7 @@ struct Reflections {
   Projection project_from(const std::vector<DD>& p, const std::vector<int>& among) const {
     Projection found = project(assembly, p.data(), among, nullptr);
     if (found.status == MinimumStatus::FOUND && found.error < INFINITY)
-      found.error = std::fmin(found.error, residual_bound(among, found.q, found.r));
+      found.error = std::fmin(found.error, (*residual_bound)(among, found.q, found.r));
     return found;
   }
 
