@@ -188,11 +188,22 @@ def opposites(seed: int) -> Scene:
     return Scene([*bodies, Body.static()], pairs, contacts)
 
 
-@pytest.mark.parametrize("first", [*range(150, 450, 50), *range(650, 850, 50), *range(900, 1100, 50)])
+LARGER_BOUNDS = {601: 2e-4, 866: 3e-4}
+
+
+@pytest.mark.parametrize("first", range(0, 1100, 50))
 def test_opposite_magnitudes(first):
-    """Left out are ranges with a seed that has a larger bound, or that the order decides: 512, 2500, 2856."""
     for seed in range(first, first + 50):
-        assert_small_bound_in_any_order(opposites(seed))
+        assert_small_bound_in_any_order(opposites(seed), LARGER_BOUNDS.get(seed, SMALL))
+
+
+SMALL_LOADS = [512, 1550, 2500, 2658, 2856, 3113, 3485, 3609, 6592, 7411, 9243, 13970]
+
+
+@pytest.mark.parametrize("seed", SMALL_LOADS)
+def test_loads_that_doubles_take_for_rounding(seed):
+    """Whether contacts carry loads of 1e-10 and less must not depend on the order."""
+    assert_small_bound_in_any_order(opposites(seed))
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
@@ -238,12 +249,14 @@ def test_slow_approaches_of_heavy_bodies_are_stopped(heavy, light, e):
     assert_within_bound(scene, answer, scene.in_fractions().resolve(Law.FRICTIONLESS))
 
 
-@pytest.mark.parametrize("heavy", [1e3, 1e5, 1e6, 1e9])
+@pytest.mark.parametrize("heavy", [1e3, 1e5, 1e6, 1e9, 1e12])
 @pytest.mark.parametrize("light", [1.0, 1e-3])
+@pytest.mark.parametrize("lowest", [1.0, 1e-3])
 @pytest.mark.parametrize("e", [0.5, 1.0])
 @pytest.mark.parametrize("mu", [0.1, 1.0])
-def test_friction_without_slip_keeps_the_velocities_of_heavy_bodies(heavy, light, e, mu):
+def test_friction_without_slip_keeps_the_velocities_of_heavy_bodies(heavy, light, lowest, e, mu):
     """A small error of the velocity at a contact is a great change of the motion of a heavy body."""
     scene = light_box_on_heavy_one(heavy, light, e, mu)
+    scene.bodies[0] = Body.box(lowest, (1, 1, 1), position=(0, 0, 0.5))
     answer, without = (scene.resolve(law) for law in (Law.COULOMB, Law.FRICTIONLESS))
     assert distance(scene, answer, without) <= answer.error_bound + without.error_bound < SMALL

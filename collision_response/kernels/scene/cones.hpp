@@ -42,8 +42,7 @@ class Cones {
   static constexpr double FIRST_RHO = 1e6, LEAST_RHO = 1e2, GREATEST_RHO = is_scalar<R> ? 1e10 : 1e24;
   static constexpr double KEEPING_RHO = is_scalar<R> ? 1e8 : 1e16;  // the greatest where velocities matter most
   static constexpr double SIGMA = 1e6, GIVE = 1e-14;  // of contacts that fully take part
-  static constexpr double FIRM_SIGMA = 1e12;  // beside heavy bodies, in double-double
-  static constexpr double HEAVY = 1e-3;  // a body whose part in n.K n is less is heavy
+  static constexpr double FIRM_SIGMA = is_scalar<R> ? SIGMA : 1e20;  // beside heavy bodies
   static constexpr int ROUNDS = 6;  // at most
   static constexpr double KEPT = 1e-12;  // relative error of N y: no further rounds are needed
   static constexpr double SLOW_SLIP = 1e6;  // solve_by_raising_slip: the first slip
@@ -64,13 +63,22 @@ class Cones {
     double load;  // the impulse without friction, relative to the greatest
 
     double give() const { return part < 1 ? GIVE / (part * part * part * part) : 0; }
+    // Whether it touches a body that has little part in n.K n.
+    bool has_heavy_body() const {
+      for (int side = 0; side < 2; ++side) {
+        double square = 0;
+        for (const R& x : row[side][0]) square += high(x) * high(x);
+        if (body[side] >= 0 && square < 1e-3) return true;
+      }
+      return false;
+    }
   };
   std::vector<Cone> cones;
   Vector kept_velocities;  // c, for each cone; or empty
   double enough = 5e-7;  // error of y: no further rounds are needed, nor steps at a tenth of it
   std::vector<Axes> P, z;  // z: w + B eta
-  bool is_firm = false;  // whether sigma is FIRM_SIGMA, and only errors of kept velocities count
-  bool keeps_heavy = true;  // after solve(): whether heavy bodies keep their velocities, too
+  // lambda where all contacts stick, at most; empty where no body is heavy. It makes velocities count that are not kept.
+  std::vector<double> sticking;
 
   explicit Cones(int body_count) : body_count(body_count) {}
 
@@ -83,9 +91,6 @@ class Cones {
     for (Vector* one : {&x, &gradient, &step, &rhs, &column}) one->resize(variables);
     slopes.resize(n);
     multipliers.resize(kept_velocities.size());
-    sticking.resize(kept_velocities.size());
-    has_heavy = !kept_velocities.empty() && std::any_of(cones.begin(), cones.end(), has_heavy_body);
-    if (has_heavy) bound_multipliers();
     for (const Cone& cone : cones)
       for (const R& w : cone.w) fastest = std::fmax(fastest, std::fabs(high(w)));
     order_variables();
@@ -130,8 +135,7 @@ class Cones {
       error += std::sqrt(2) * bounds.of_round;  // lambda_0 has the error of the round before
     }
     has_kept = bounds.are_kept || bounds.of_kept <= 2 * bounds.of_round;
-    keeps_heavy = !has_heavy || bounds.of_kept <= enough;
-    return is_firm ? bounds.of_kept : std::fmin(error, bounds.of_kept);
+    return is_firm() ? bounds.of_kept : std::fmin(error, bounds.of_kept);
   }
 
   // Steps that are rounds of their own: mostly, two keep the velocities to all digits. Further ones follow only if ROUNDS
@@ -336,7 +340,7 @@ class Cones {
       const double r = std::fabs(high(off + (lambda[i] - multipliers[i]) / stiffness(cone))) + lost;
       of_round += stiffness(cone) * r * r / 2;
       of_kept += std::fabs(high(off)) + lost;
-      of_sticking += sticking[i] * (std::fabs(high(off)) + lost);
+      if (is_firm()) of_sticking += sticking[i] * (std::fabs(high(off)) + lost);
       const double slip = std::hypot(high(cone.w[1]), high(cone.w[2]));
       longest = std::fmax(longest, std::fmax(std::fabs(high(lambda[i])), slip * std::fmin(cone.mu, slip / cone.load)));
       are_kept = are_kept && (cone.part < 1 || std::fabs(high(off)) <= KEPT * size + lost);
@@ -370,8 +374,6 @@ class Cones {
   double fastest = 1;  // the greatest component of w
   Vector x;  // eta, lambda
   Vector multipliers;  // lambda_0
-  bool has_heavy = false;
-  std::vector<double> sticking;  // lambda where all contacts stick, at most; 0 without heavy bodies
   struct State {
     std::vector<Axes> P, z;
     Vector x;
@@ -388,45 +390,11 @@ class Cones {
   std::vector<Slope> slopes;
   Vector gradient, step;
 
-  static bool has_heavy_body(const Cone& cone) {
-    for (int side = 0; side < 2; ++side) {
-      double square = 0;
-      for (const R& x : cone.row[side][0]) square += high(x) * high(x);
-      if (cone.body[side] >= 0 && square < HEAVY) return true;
-    }
-    return false;
-  }
-  // Bound the lambda that keep velocities u+ where all contacts stick. For a basis S of them, A = N N^T, and the roots a
-  // of the diagonal of A_SS^-1,
-  //
-  //     lambda_S = A_SS^-1 u+     |lambda_s| <= a_s sqrt(u+.A_SS^-1 u+) <= a_s sum a_i |u_i+|
-  void bound_multipliers() {
-    constexpr double DEPENDS = is_scalar<R> ? 1e-14 : DEPENDENT<R>;  // pivots beside heavy bodies are small
-    const int count = static_cast<int>(cones.size());
-    std::vector<R> A(static_cast<size_t>(count) * count);
-    for (int i = 0; i < count; ++i) {
-      Vector row(6 * static_cast<size_t>(body_count));
-      add_row(cones[i], Axes{constant<R>(1), R{}, R{}}, row);
-      for (int j = 0; j <= i; ++j) A[i * count + j] = A[j * count + i] = velocity(cones[j], row.data())[0];
-    }
-    std::vector<int> all(count);
-    std::iota(all.begin(), all.end(), 0);
-    ActiveSet<R> basis(A.data(), count);
-    basis.span(all, DEPENDS);
-    const std::vector<R> diagonal = basis.diagonal_of_inverse();
-    double size = 0;
-    for (size_t k = 0; k < diagonal.size(); ++k) {
-      const int i = basis.members[k];
-      sticking[i] = std::sqrt(high(diagonal[k]));
-      size += sticking[i] * std::fabs(high(cones[i].w[0]) + high(kept_velocities[i]));
-    }
-    for (double& one : sticking) one *= size;
-  }
-
+  bool is_firm() const { return !sticking.empty(); }
   // sigma of a contact. One of great friction that slides because its load is light presses the harder to move apart.
   double stiffness(const Cone& cone) const {
     const double light = std::fmax(std::fmin(cone.mu, 1 / cone.load) / 10, 1);
-    const double sigma = is_firm ? FIRM_SIGMA : SIGMA;
+    const double sigma = is_firm() ? FIRM_SIGMA : SIGMA;
     return cone.part * cone.part * cone.part * sigma * fastest * (light * light);
   }
   double own_step(const Cone& cone) const { return rho * cone.share / (1 + rho * cone.share * cone.give()); }

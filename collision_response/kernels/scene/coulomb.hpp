@@ -37,10 +37,6 @@
 #include "motion.hpp"
 #include "projection.hpp"
 
-// Loads up to which they may be rounding: relative to the greatest, in double-double; and to that of their bodies, if
-// they were shared in doubles.
-constexpr double UNLOADED = 0x1p-80, UNSHARED = 1e-10;
-
 // The impulses >= 0 of nearly the same effect as p with nearly the least norm: those that minimise the square of the
 // difference in the effect, plus SHARING times the norm. Moving walls are one more body, which their work moves.
 inline Vector nearly_least_norm(const Assembly& assembly, const Vector& p) {
@@ -79,26 +75,39 @@ inline Vector nearly_least_norm(const Assembly& assembly, const Vector& p) {
 // How much part in the loads each contact takes. 1: it is loaded if loads of the same effect are shared; other loads
 // would depend on the order of the contacts. Less: it is loaded if loads of nearly the same effect are, as the fourth
 // corner of a box whose corners are slightly off a plane. Sets the loads shared.
-inline Vector parts_in_loads(const Assembly& assembly, const Vector& given, double greatest, Vector& shared) {
+inline Vector parts_in_loads(const Assembly& assembly, const std::vector<DD>& given, double greatest, Vector& shared) {
+  // Loads up to which they may be rounding: relative to the greatest, as given; to that of their bodies, once shared; and
+  // shared in doubles.
+  constexpr double UNLOADED = 0x1p-80, UNSHARED = 1e-13, UNSURE = 1e-8;
   constexpr double LEAST = 1e-6;
   const std::vector<AssembledContact>& contacts = assembly.contacts;
   const int count = assembly.count;
   Vector most(assembly.body_count), part(count), nearly;  // most: the greatest load of each body
-  shared = given;
-  least_norm(assembly, shared, false);
+  shared = rounded(given.data(), count);
+  const NullImpulses null = null_impulses(assembly);
+  if (!null.basis.empty()) minimise_norm(assembly, shared, false, null.basis);
   for (int i = 0; i < count; ++i)
     for (int body : contacts[i].body)
       if (body >= 0) most[body] = std::fmax(most[body], shared[i] / contacts[i].scale);
-  for (int i = 0; i < count; ++i) {
-    double nearby = 0;
+  auto nearby = [&](int i) {
+    double load = 0;
     for (int body : contacts[i].body)
-      if (body >= 0) nearby = std::fmax(nearby, most[body]);
-    if (!(nearby > 0)) nearby = greatest;
-    const bool is_given = shared[i] >= given[i] / 2 && shared[i] <= given[i] * 2;
-    part[i] = shared[i] / contacts[i].scale > (is_given ? UNLOADED * greatest : UNSHARED * nearby);
+      if (body >= 0) load = std::fmax(load, most[body]);
+    return load > 0 ? load : greatest;
+  };
+  bool is_sure = true;
+  for (int i = 0; i < count; ++i)
+    is_sure = is_sure && (shared[i] == given[i].h || shared[i] / contacts[i].scale > UNSURE * nearby(i));
+  if (!is_sure) {
+    std::vector<DD> precise = given;
+    minimise_norm(assembly, precise, false, null.basis);
+    shared = rounded(precise.data(), count);
+  }
+  for (int i = 0; i < count; ++i) {
+    part[i] = shared[i] / contacts[i].scale > (shared[i] == given[i].h ? UNLOADED * greatest : UNSHARED * nearby(i));
     if (part[i] > 0) continue;
     if (nearly.empty()) nearly = nearly_least_norm(assembly, shared);
-    const double load = nearly[i] / contacts[i].scale / nearby;
+    const double load = nearly[i] / contacts[i].scale / nearby(i);
     part[i] = load > LEAST ? std::fmin(load, 1) : 0;
   }
   return part;
@@ -118,8 +127,25 @@ inline double error_for_bound(const Assembly& assembly, const Vector& y, double 
 
 constexpr double ACCEPTED_IN_DOUBLES = 1e-6;  // a bound on the error of an answer: no need for double-double
 
-// Solve the programme of least work again, in double-double. If this reduces `error`, the bound on the error of y, or
-// keeps the velocities of heavy bodies, set the impulses of `programme`. Returns the new bound.
+// A bound on the multipliers that keep normal velocities u+ of the contacts `loaded` where all of them stick: for a
+// basis S of these, and the roots a of the diagonal of A_SS^-1,
+//
+//     lambda_S = A_SS^-1 u+     |lambda_s| <= a_s sqrt(u+.A_SS^-1 u+) <= a_s sum a_i |u_i+|
+inline Vector sticking_multipliers(const Assembly& assembly, const std::vector<int>& loaded, const Vector& u) {
+  const std::vector<DD> matrix = assembly.couplings<DD>();  // beside heavy bodies, doubles lose its digits
+  ActiveSet<DD> basis(matrix.data(), assembly.count);
+  basis.span(loaded);
+  const std::vector<DD> diagonal = basis.diagonal_of_inverse();
+  Vector of_contact(assembly.count), multipliers;
+  double size = 0;
+  for (size_t k = 0; k < diagonal.size(); ++k) of_contact[basis.members[k]] = std::sqrt(diagonal[k].h);
+  for (size_t k = 0; k < loaded.size(); ++k) size += of_contact[loaded[k]] * std::fabs(u[k]);
+  for (int i : loaded) multipliers.push_back(of_contact[i] * size);
+  return multipliers;
+}
+
+// Solve the programme of least work again, in double-double. If this reduces `error`, the bound on the error of y, set
+// the impulses of `programme`. Returns the new bound.
 inline double solve_in_double_double(const Assembly& assembly, const std::vector<int>& loaded, const std::vector<DD>& p,
                                      double speed, double mean, Cones<double>& programme, double error, double enough) {
   Cones<DD> precise(assembly.body_count);
@@ -133,15 +159,10 @@ inline double solve_in_double_double(const Assembly& assembly, const std::vector
                                       value(assembly.velocity_change(contact, changes)) / contact.length_in<DD>() /
                                       speed);
   }
-  precise.is_firm = !programme.keeps_heavy;
+  precise.sticking = programme.sticking;
   precise.prepare();
   double precise_error = precise.solve_from(programme);
-  if (precise.is_firm && !(precise_error <= enough)) {  // as if no body were heavy
-    if (error <= enough) return error;
-    precise.is_firm = false;
-    precise_error = precise.solve();
-  }
-  if (!precise.is_firm && !(precise_error < error)) return error;
+  if (!(precise_error < error)) return error;
   for (size_t k = 0; k < loaded.size(); ++k)
     for (int axis = 0; axis < 3; ++axis) {
       programme.P[k][axis] = precise.P[k][axis].h;
@@ -162,7 +183,7 @@ inline ClusterImpulses least_work_friction(const Assembly& assembly, const Clust
   for (int i = 0; i < count; ++i) speed = std::fmax(speed, given[i] / assembly.contacts[i].scale);
   if (!(speed > 0)) return result;
   Vector shared;
-  const Vector part = parts_in_loads(assembly, given, speed, shared);
+  const Vector part = parts_in_loads(assembly, frictionless.normal, speed, shared);
   std::vector<int> loaded;
   bool has_friction = false;
   Motion as_given(assembly);
@@ -186,17 +207,23 @@ inline ClusterImpulses least_work_friction(const Assembly& assembly, const Clust
   mean /= loaded.size();
   Cones<double> programme(assembly.body_count);
   programme.cones.reserve(loaded.size());
+  bool has_heavy = false, are_kept = true;  // whether a body is heavy, and all normal velocities are kept
+  Vector after;  // these, in units of `speed`
   for (int i : loaded) {
     const AssembledContact& contact = assembly.contacts[i];
     const double load = part[i] < 1 ? 1 : shared[i] / contact.scale / speed;
     programme.cones.push_back(cone_of(contact, contact.axes, speed, mean, part[i], load));
-    programme.kept_velocities.push_back((as_given.velocity(i, 0) - contact.axes[0].velocity) *
-                                        (contact.scale * contact.length / speed));
+    const double unit = contact.scale * contact.length / speed;
+    programme.kept_velocities.push_back((as_given.velocity(i, 0) - contact.axes[0].velocity) * unit);
+    after.push_back(as_given.velocity(i, 0) * unit);
+    has_heavy = has_heavy || programme.cones.back().has_heavy_body();
+    are_kept = are_kept && !(part[i] < 1);
   }
+  if (has_heavy && are_kept) programme.sticking = sticking_multipliers(assembly, loaded, after);
   programme.prepare();
   double error = programme.solve();
   const double enough = error_for_bound(assembly, programme.motion(), ACCEPTED_IN_DOUBLES);
-  if (!(error <= enough) || !programme.keeps_heavy)
+  if (!(error <= enough))
     error = solve_in_double_double(assembly, loaded, frictionless.normal, speed, mean, programme, error, enough);
   result.error += error * speed;
   std::vector<Axes> P(count);

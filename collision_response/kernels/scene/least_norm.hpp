@@ -31,7 +31,7 @@ struct Effects {
 
 // Impulses that do next to nothing: a basis, with one for each contact that depends on others.
 struct NullImpulses {
-  std::vector<Vector> basis;
+  std::vector<std::vector<DD>> basis;
   double effect = 0;  // the sum of their effects, known to doubles
   bool are_exact = true;  // whether they do nothing in double-double either
   bool are_complete = true;  // whether no contact was left out because the effect of its impulses is too great
@@ -89,7 +89,7 @@ NullImpulses null_impulses_in(const Assembly& assembly, double dependent, double
       found.are_complete = false;
       continue;
     }
-    found.basis.push_back(rounded(z.data(), count));
+    found.basis.push_back(std::move(z));
     found.effect += std::sqrt(std::fabs(square));
     found.are_exact = found.are_exact && is_exact;
   }
@@ -106,45 +106,48 @@ inline NullImpulses null_impulses(const Assembly& assembly) {
 
 // Replace p by the p + Z z >= 0 of least norm. `room`: how far below 0 an impulse may come, relative to the greatest,
 // before it is set to 0.
-inline void minimise_norm(const Assembly& assembly, Vector& p, bool over_copies, std::vector<Vector> Z,
-                          double room = 0) {
-  constexpr double ROUNDING = 0x1p-46;
+template <class R>
+void minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies,
+                   const std::vector<std::vector<DD>>& basis, double room = 0) {
+  constexpr double ROUNDING = is_scalar<R> ? 0x1p-46 : 0x1p-88;
   const int count = assembly.count;
-  Vector weight(count), P(count), terms(count);  // terms: the sum of the sizes of what P is the sum of
+  std::vector<std::vector<R>> Z(basis.size(), std::vector<R>(count));
+  std::vector<R> P(count);
+  Vector weight(count), terms(count);  // terms: the sum of the sizes of what P is the sum of
   for (int i = 0; i < count; ++i) {
     weight[i] = assembly.contacts[i].length / (over_copies ? std::sqrt(assembly.contacts[i].copies) : 1);
-    P[i] = p[i] * weight[i];
-    terms[i] = std::fabs(P[i]);
-    for (Vector& z : Z) z[i] *= weight[i];
+    P[i] = weight[i] * p[i];
+    terms[i] = std::fabs(high(P[i]));
+    for (size_t k = 0; k < Z.size(); ++k) Z[k][i] = weight[i] * rounded_to<R>(exact(basis[k][i]));
   }
   for (auto z = Z.begin(); z != Z.end(); ++z) {  // make Z orthonormal: twice is enough
     for (int turn = 0; turn < 2; ++turn)
       for (auto before = Z.begin(); before != z; ++before) increase(*z, -dot(*z, *before), *before);
-    const double length = std::sqrt(dot(*z, *z));
-    for (double& x : *z) {
-      x /= length;
-      if (std::fabs(x) < ROUNDING) x = 0;
+    const R length = root(dot(*z, *z));
+    for (R& x : *z) {
+      x = x / length;
+      if (std::fabs(high(x)) < ROUNDING) x = R{};
     }
   }
-  auto add = [&](double by, const Vector& z) {
+  auto add = [&](const R& by, const std::vector<R>& z) {
     increase(P, by, z);
-    for (int i = 0; i < count; ++i) terms[i] += std::fabs(by * z[i]);
+    for (int i = 0; i < count; ++i) terms[i] += std::fabs(high(by * z[i]));
   };
-  for (const Vector& z : Z) add(-dot(z, P), z);
+  for (const std::vector<R>& z : Z) add(-dot(z, P), z);
   // P + Z Z^T x >= 0, x >= 0: the dual is again a quadratic programme, scaled to a unit diagonal.
   auto rows = [&](int i, int j) {
-    double sum = 0;
-    for (const Vector& z : Z) sum += z[i] * z[j];
+    R sum{};
+    for (const std::vector<R>& z : Z) sum += z[i] * z[j];
     return sum;
   };
-  Vector b(count), s(count), dual(static_cast<size_t>(count) * count, 1);
+  std::vector<R> b(count), s(count), dual(static_cast<size_t>(count) * count, constant<R>(1));
   std::vector<int> among;
   double greatest = 0;
   for (int i = 0; i < count; ++i) {
-    greatest = std::fmax(greatest, std::fabs(P[i]));
-    const double square = rows(i, i);
-    if (!(square > 1e-20)) continue;
-    s[i] = 1 / std::sqrt(square);
+    greatest = std::fmax(greatest, std::fabs(high(P[i])));
+    const R square = rows(i, i);
+    if (!(high(square) > (is_scalar<R> ? 1e-20 : 1e-40))) continue;
+    s[i] = constant<R>(1) / root(square);
     among.push_back(i);
   }
   for (int i : among)
@@ -154,22 +157,22 @@ inline void minimise_norm(const Assembly& assembly, Vector& p, bool over_copies,
     for (int i : among) b[i] = (P[i] + least * greatest) * s[i];
     return minimise(dual, b, among);
   };
-  Minimum<double> solved = with_room(room);
+  Minimum<R> solved = with_room(room);
   // Where impulses are just 0, rounding may leave no solution without some room.
-  if (solved.status != MinimumStatus::FOUND) solved = with_room(std::fmax(room, 1e-13));
+  if (solved.status != MinimumStatus::FOUND) solved = with_room(std::fmax(room, is_scalar<R> ? 1e-13 : 1e-24));
   if (solved.status != MinimumStatus::FOUND) return;
-  const Vector& x = solved.x;
-  for (const Vector& z : Z) {
-    double along = 0;
+  const std::vector<R>& x = solved.x;
+  for (const std::vector<R>& z : Z) {
+    R along{};
     for (int i : among) along += z[i] * x[i] * s[i];
     add(along, z);
   }
-  for (int i = 0; i < count; ++i) p[i] = x[i] > 0 || P[i] <= ROUNDING * terms[i] ? 0 : P[i] / weight[i];
+  for (int i = 0; i < count; ++i) p[i] = high(x[i]) > 0 || high(P[i]) <= ROUNDING * terms[i] ? R{} : P[i] / weight[i];
 }
 
 // Replace p by the impulses >= 0 of the same effect with the least sum of n.n p^2, over all copies of contacts if
 // `over_copies`.
 inline void least_norm(const Assembly& assembly, Vector& p, bool over_copies) {
   NullImpulses found = null_impulses(assembly);
-  if (!found.basis.empty()) minimise_norm(assembly, p, over_copies, std::move(found.basis));
+  if (!found.basis.empty()) minimise_norm(assembly, p, over_copies, found.basis);
 }

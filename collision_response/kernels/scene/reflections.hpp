@@ -97,7 +97,7 @@ struct Reflections {
     if (are_equal(pressed)) return most;
     Vector shared = rounded(q.data(), assembly.count);
     const NullImpulses null = null_impulses(assembly);
-    const std::vector<Vector>& Z = null.basis;
+    const std::vector<std::vector<DD>>& Z = null.basis;
     const bool is_unique = Z.empty();
     if (!is_unique) minimise_norm(assembly, shared, false, Z);
     // In units near the greatest, because the works may be out of the range of doubles.
@@ -140,8 +140,8 @@ struct Reflections {
       double work = 0, size = 0;
       for (int i : pressed) {
         const AssembledContact& contact = assembly.contacts[i];
-        work += (contact.e - high(e)) * (std::fmin(high(contact.velocity), 0) / unit) * Z[k][i];
-        size = std::fmax(size, std::fabs(Z[k][i]));
+        work += (contact.e - high(e)) * (std::fmin(high(contact.velocity), 0) / unit) * Z[k][i].h;
+        size = std::fmax(size, std::fabs(Z[k][i].h));
       }
       if (size > 0) doubt += std::fabs(work) / size * (greatest / load) / -high(below);
     }

@@ -31,7 +31,7 @@ std::array<R, 3> cross(const R* a, const R* b) {
 }
 
 // y += by x
-template <class R>
-void increase(std::vector<R>& y, double by, const std::vector<R>& x) {
+template <class R, class By>
+void increase(std::vector<R>& y, const By& by, const std::vector<R>& x) {
   for (size_t i = 0; i < y.size(); ++i) y[i] += by * x[i];
 }
