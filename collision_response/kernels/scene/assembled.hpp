@@ -59,14 +59,12 @@ struct Centre {
   const T& root() const { return numbers[CENTRE_COUNT]; }
   const T* turn(int k) const { return numbers + CENTRE_COUNT + 1 + 3 * k; }
 
-  // row = L^T jacobian
-  void to_energy_metric(const T* jacobian, T* row) const {
-    const std::array<T, 3> of_centre = cross(com(), jacobian);
-    T moment[3];  // about the centre of mass
-    for (int k = 0; k < 3; ++k) moment[k] = jacobian[3 + k] - of_centre[k];
+  // row = L^T jacobian, for a unit impulse along `direction`, times `sign`, at `arm` from the centre of mass.
+  void to_energy_metric(const T* direction, const T* arm, double sign, T* row) const {
+    const std::array<T, 3> moment = cross(arm, direction);
     for (int k = 0; k < 3; ++k) {
-      row[k] = root() * jacobian[k];
-      row[3 + k] = turn(k)[0] * moment[0] + turn(k)[1] * moment[1] + turn(k)[2] * moment[2];
+      row[k] = constant<T>(sign) * root() * direction[k];
+      row[3 + k] = constant<T>(sign) * (turn(k)[0] * moment[0] + turn(k)[1] * moment[1] + turn(k)[2] * moment[2]);
     }
   }
   // twist = L y

@@ -106,18 +106,38 @@ struct Assembly {
            std::any_of(contacts.begin(), contacts.end(), may_approach);
   }
 
-  // What happens along the unit normal and two tangents of a contact, in the digits of R.
+  // What happens along the unit normal and two tangents of a contact, in the digits of R. The velocities of the bodies,
+  // and the arms, may nearly cancel, so their differences are taken in double-double.
   template <class R>
   std::array<ContactAxis<R>, 3> axes_of(const AssembledContact& contact) const {
     std::array<ContactAxis<R>, 3> axes{};
     const auto directions = contact.unit_vectors<R>();
-    for (int axis = 0; axis < 3; ++axis) {
-      R jacobian[2][6], response[2][6];
-      axes[axis].velocity = add_column(contact, directions[axis].data(), jacobian, response);
-      for (int side = 0; side < 2; ++side)
-        if (contact.body[side] >= 0)
-          bodies[contact.body[side]].centre_in<R>().to_energy_metric(jacobian[side], axes[axis].row[side]);
+    DD velocity[3]{};
+    for (int side = 0; side < 2; ++side) {
+      const AssembledBody* body = body_of(contact, side);
+      if (!body) continue;
+      DD d[3], com[3], spin[3], massless[3];  // d: from the reference point
+      R arm[3];
+      for (int k = 0; k < 3; ++k) {
+        com[k] = value(body->centre.com()[k]);
+        spin[k] = value(body->centre.numbers[CENTRE_EFFECTIVE_SPIN + k]);
+        massless[k] = value(body->centre.numbers[CENTRE_MASSLESS_SPIN + k]);
+        d[k] = DD{contact.point[k], 0} - value(body->centre.x[k]);
+        arm[k] = rounded_to<R>(exact(d[k] - com[k]));
+      }
+      const std::array<DD, 3> by_spin = cross(spin, d), by_massless_spin = cross(massless, com);
+      for (int k = 0; k < 3; ++k) {
+        const DD of_body = value(body->centre.v[k]) + by_spin[k] + by_massless_spin[k];
+        velocity[k] = side ? velocity[k] - of_body : of_body;
+      }
+      if (!body->is_movable()) continue;
+      const auto& centre = body->template centre_in<R>();
+      for (int axis = 0; axis < 3; ++axis)
+        centre.to_energy_metric(directions[axis].data(), arm, side ? -1 : 1, axes[axis].row[side]);
     }
+    for (int axis = 0; axis < 3; ++axis)
+      for (int k = 0; k < 3; ++k)
+        axes[axis].velocity = axes[axis].velocity + directions[axis][k] * rounded_to<R>(exact(velocity[k]));
     return axes;
   }
 
@@ -168,28 +188,30 @@ struct Assembly {
   }
 
  private:
+  // One body of a contact; nullptr: it is at rest and immovable.
+  const AssembledBody* body_of(const AssembledContact& contact, int side) const {
+    return contact.body[side] >= 0   ? &bodies[contact.body[side]]
+           : contact.wall[side] >= 0 ? &walls[contact.wall[side]]
+                                     : nullptr;
+  }
+
   // The formula of physics/column.py for both bodies of a contact, along a direction: returns the relative velocity, and
   // sets the velocity by the twist of each body, and the twist by an impulse.
-  template <class T>
-  T add_column(const AssembledContact& contact, const T* direction, T (&jacobian)[2][6], T (&response)[2][6]) const {
-    const AssembledBody* both[2];  // nullptr: at rest and immovable
-    for (int side = 0; side < 2; ++side)
-      both[side] = contact.body[side] >= 0   ? &bodies[contact.body[side]]
-                   : contact.wall[side] >= 0 ? &walls[contact.wall[side]]
-                                             : nullptr;
+  N add_column(const AssembledContact& contact, const N* direction, N (&jacobian)[2][6], N (&response)[2][6]) const {
+    const AssembledBody* both[2] = {body_of(contact, 0), body_of(contact, 1)};
     constexpr int V = BODY_VELOCITY_X;
     // A common velocity cancels: leave out its rounding.
     const bool is_common = both[0] && both[1] && std::equal(both[0]->x + V, both[0]->x + V + 3, both[1]->x + V);
-    T velocity[2] = {};
+    N velocity[2] = {};
     for (int side = 0; side < 2; ++side) {
       if (!both[side]) continue;
-      const auto& centre = both[side]->template centre_in<T>();
-      T in[CENTRE_COUNT + 9]{}, out[10];
+      const Centre<N>& centre = both[side]->centre;
+      N in[CENTRE_COUNT + 9]{}, out[10];
       std::copy(centre.numbers, centre.numbers + CENTRE_COUNT, in);
       if (!is_common) std::copy(centre.v, centre.v + 3, in + CENTRE_COUNT);
-      for (int k = 0; k < 3; ++k) in[CENTRE_COUNT + 3 + k] = Make<T>::constant(contact.point[k]) - centre.x[k];
+      for (int k = 0; k < 3; ++k) in[CENTRE_COUNT + 3 + k] = exact(contact.point[k]) - centre.x[k];
       std::copy(direction, direction + 3, in + CENTRE_COUNT + 6);
-      column<T>(in, out, nullptr, nullptr);
+      column<N>(in, out, nullptr, nullptr);
       velocity[side] = out[0];
       std::copy(direction, direction + 3, jacobian[side]);
       std::copy(out + 1, out + 4, jacobian[side] + 3);

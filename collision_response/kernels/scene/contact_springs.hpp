@@ -28,6 +28,8 @@ struct ContactSprings {
   double slow = 0;  // slower approaches count as none, because rounding could keep a contact approaching for ever
   long work;  // remaining budget: the coupling of two contacts costs 1, about a nanosecond
   double friction_loss = 0;  // energy that friction took
+  double step_errors = 0;  // the sum of the estimates of all steps, relative to the speed
+  double rounding = 0;  // estimate of the relative error of the answer by rounding
   bool is_wedged = false;  // the path has no end
 
   ContactSprings(const Assembly& given, double exponent, std::vector<double> ratios, long budget)
@@ -75,6 +77,25 @@ struct ContactSprings {
     double u = assembly.contacts[i].axes[0].velocity;
     for (const Coupled& j : C[i]) u += j.by * p[j.other];
     return u;
+  }
+
+  // The size of a motion that separates all contacts, for contacts of mass and speed 1. It is large where light bodies
+  // are between heavy ones.
+  double separating_size() const { return assembly.is_locked ? 1 : assembly.separating_size; }
+  // An estimate of the error of the path by the rounding of the velocities, whose terms may cancel where light bodies are
+  // pressed by heavy ones: the motion that changes every velocity by as much, relative to the motion by impulses p.
+  double rounding_of(const std::vector<double>& p) const {
+    double most = 0, square = 0;
+    for (int i = 0; i < count; ++i) {
+      double terms = 0, change = 0;
+      for (const Coupled& j : C[i]) {
+        terms += std::fabs(j.by * p[j.other]);
+        change += j.by * p[j.other];
+      }
+      most = std::fmax(most, terms / std::sqrt(coupling(assembly, i, 0, i, 0)));
+      square += p[i] * change;
+    }
+    return 0x1p-52 * most * separating_size() / std::sqrt(square);
   }
 
   // Without friction the state y is all x_i, then all p_i. It is integrated by the pair of Dormand & Prince, of orders
@@ -163,6 +184,7 @@ struct ContactSprings {
     while (work > 0) {
       if (active.empty()) {
         p.assign(y.begin() + count, y.end());
+        rounding = rounding_of(p);
         for (double& one : p) one = impulse(one);
         return true;
       }
@@ -190,6 +212,7 @@ struct ContactSprings {
         fastest = std::fmax(fastest, residual_speed(i, z[i], u));
       }
       if (pace.accepts(worst, 5, turns, longest_step(fastest))) {
+        step_errors += worst * tolerance;
         for (int i : active) z[i] = std::fmax(z[i], 0);
         y = z;  // contacts that are not active have not changed
         active = still_active(y.data(), active);
@@ -302,7 +325,8 @@ struct ContactSprings {
   }
 
   // Whether contacts at rest stay compressed for ever, because friction balances the forces of their springs. To find
-  // out, the forces act a million times as long as usual: they must set nothing in motion.
+  // out, the forces act a million times as long as it takes them to separate the contacts: they must set nothing in
+  // motion.
   bool is_held(const State& now) {
     double greatest = 0;
     for (int i = 0; i < count; ++i) {
@@ -315,7 +339,8 @@ struct ContactSprings {
     const long left = work;
     work = std::min(left, 1000 * SWEEP * count);  // if friction does not hold, sweeps take longer or never converge
     const long budget = work;
-    const bool found = apply_friction(later, 1e6 * mass * speed / greatest, load, 1e-3 * speed);
+    const double size = separating_size(), slowest = mass * size * size;
+    const bool found = apply_friction(later, 1e6 * slowest * speed / greatest, load, 1e-3 * speed);
     work += left - budget;
     for (int i = 0; found && i < count; ++i)
       if (load[i] > 0 && later.motion.speed(i) > speed) return false;
@@ -391,6 +416,7 @@ struct ContactSprings {
       double worst = std::fmax(off, std::sqrt(square / mass)) / (3 * tolerance * speed);
       if (!(worst < INFINITY)) return false;
       if (!pace.accepts(worst, 3, turns, longest_step(fastest))) continue;
+      step_errors += worst * tolerance;
       auto extrapolated = [](double fine, double coarse) { return fine + (fine - coarse) / 3; };
       friction_loss +=
           extrapolated(work_of_friction(now, half) + work_of_friction(half, both), work_of_friction(now, whole));

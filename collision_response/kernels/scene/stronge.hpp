@@ -68,6 +68,8 @@ inline SpringPath follow_springs(const Assembly& assembly, const SpringOptions& 
   constexpr double FINEST = 1e-13;  // least error allowed in a step
   constexpr int LEAST_PATHS = 3;  // two may be close to each other by chance
   constexpr double COARSEST_RATIO = 0.5;  // a path whose error is not smaller by this factor tells nothing new
+  // Where a light body rattles between heavy ones, the errors of countless steps damp it, on each of the first paths alike.
+  constexpr double LARGEST_SUM = 1;  // of the errors of the steps of a path, relative to the speed
   constexpr double WORST = 0.1;  // greatest error estimate that still counts as an answer
 
   const Vector stiffness = options.stiffness.empty() ? Vector(assembly.count, 1) : options.stiffness;
@@ -93,7 +95,8 @@ inline SpringPath follow_springs(const Assembly& assembly, const SpringOptions& 
     if (paths > 0) {
       // A change may be small by chance, so it counts for no less than the one before predicts.
       change = std::fmax(relative_distance(assembly, last.changes, path.changes), change * ratio);
-      path.error = 2 * change + step_error;
+      path.error = 2 * change + step_error + springs.rounding;
+      if (!(springs.step_errors <= LARGEST_SUM)) path.error = INFINITY;
     }
     last = path;
     // The work of a path grows at least with the square root of the refinement: stay within the budget.
