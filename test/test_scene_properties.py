@@ -23,6 +23,7 @@ from scene_cases import (
     random_scene,
     rotate,
     rotated_body,
+    row_of_balls,
 )
 
 from collision_response import Body, Contact, ImpactError, ImpactModel, Law, Regime, resolve, resolve_scene
@@ -254,6 +255,30 @@ def test_every_observer_sees_the_same(seed, law):
             abs(lost - other_lost)
             <= (ENOUGH[law] + 4 * bounds) * change_norm(scene, answer) ** 2 + 1e-5 * lost
         )
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5, 10.0])
+@pytest.mark.parametrize("mu", [0.0, 1e-12, 0.1, 1.0])
+@pytest.mark.parametrize("slip", [0.0, 0.5])
+def test_springs_create_no_energy(exponent, mu, slip):
+    """Elastic balls of different masses in a row: without slip they lose nothing, so every error counts.
+
+    The sums of energies are rounded.
+    """
+    for seed in range(30):
+        rng = random.Random(seed)
+        masses = [math.exp(rng.uniform(-3, 3)) for _ in range(rng.randint(3, 5))]
+        scene = row_of_balls([1.0] + [0.0] * (len(masses) - 1), 1.0, masses, float).with_contacts(friction=mu)
+        first = scene.bodies[0]._replace(velocity=Vec3(1.0, slip, 0.0))
+        ratios = [math.exp(rng.uniform(-3, 3)) for _ in masses[1:]]
+        answer = scene._replace(bodies=[first, *scene.bodies[1:]]).resolve(
+            Law.ROUTH_STRONGE, options={"stiffness": ratios, "exponent": exponent}
+        )
+        before, after = answer.kinetic_energy_before, answer.kinetic_energy_after
+        lost = answer.energy_lost_restitution, answer.energy_lost_friction
+        assert min(lost) >= 0
+        assert after <= before * (1 + 1e-14)
+        assert before - after == pytest.approx(sum(lost), abs=1e-14 * before)
 
 
 @each_seed

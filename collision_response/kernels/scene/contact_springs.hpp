@@ -98,6 +98,23 @@ struct ContactSprings {
     return 0x1p-52 * most * separating_size() / std::sqrt(square);
   }
 
+  // The impulses of a path in newton seconds. If the errors of the path create energy, all impulses are made smaller until
+  // they do not.
+  std::vector<Axes> in_newton_seconds(std::vector<Axes> P) const {
+    Motion motion(assembly);
+    for (int i = 0; i < count; ++i) motion.apply(i, P[i]);
+    double before = 0, after = 0;  // twice the work of P is P.u before and after
+    for (int i = 0; i < count; ++i)
+      for (int axis = 0; axis < 3; ++axis) {
+        before += P[i][axis] * assembly.contacts[i].axes[axis].velocity;
+        after += P[i][axis] * motion.velocity(i, axis);
+      }
+    const double part = before + after > 0 ? 2 * before / (before - after) : 1;
+    for (Axes& one : P)
+      for (double& along : one) along = impulse(part * along);
+    return P;
+  }
+
   // Without friction the state y is all x_i, then all p_i. It is integrated by the pair of Dormand & Prince, of orders
   // 5 and 4.
   static constexpr long STAGE = 20;  // the cost of one contact in a stage, in addition to its couplings
@@ -185,7 +202,6 @@ struct ContactSprings {
       if (active.empty()) {
         p.assign(y.begin() + count, y.end());
         rounding = rounding_of(p);
-        for (double& one : p) one = impulse(one);
         return true;
       }
       const double h = pace.h;
@@ -391,8 +407,6 @@ struct ContactSprings {
       if (done) {
         if (!return_to_cones(now, enough)) return false;
         P = now.P;
-        for (Axes& one : P)
-          for (double& along : one) along = impulse(along);
         friction_loss = impulse(friction_loss) * unit;
         return true;
       }

@@ -89,9 +89,13 @@ inline SpringPath follow_springs(const Assembly& assembly, const SpringOptions& 
     }
     if (!found) break;  // the budget is spent
     for (size_t i = 0; i < p.size(); ++i) P[i][0] = p[i];
-    SpringPath path{with_axis_impulses({}, assembly, P), {}, springs.friction_loss};
+    SpringPath path{with_axis_impulses({}, assembly, springs.in_newton_seconds(P)), {}, springs.friction_loss};
     if (!has_friction) path.impulses.tangential.clear();
-    path.changes = effect_of(assembly, path.impulses, true).changes;
+    const ImpulseEffect effect = effect_of(assembly, path.impulses, true);
+    path.changes = effect.changes;
+    // No loss is negative, by the errors of the path and the rounding of this sum.
+    const double lost = (effect.energies[2] + effect.energies[3]) * (1 - 0x1p-51);
+    path.friction_loss = std::fmin(std::fmax(path.friction_loss, 0), lost);
     if (paths > 0) {
       // A change may be small by chance, so it counts for no less than the one before predicts.
       change = std::fmax(relative_distance(assembly, last.changes, path.changes), change * ratio);
