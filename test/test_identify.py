@@ -229,6 +229,20 @@ def test_one_table_of_a_sliding_sphere_determines_a_product_only(quantity):
     assert found.combination.value == pytest.approx(by_hand, rel=1e-5)
 
 
+@pytest.mark.parametrize("gyration", [0.01, 0.4, 2 / 3])
+@pytest.mark.parametrize("incidence", [(1, 2, 3), (10, 20, 30), (60, 70, 75)])
+@pytest.mark.parametrize("e", [0.1, 0.5, 0.6])
+def test_angles_do_not_tell_spheres_that_stick_from_spheres_without_friction(gyration, incidence, e):
+    """``v_t+ = v_t / (1 + gyration)`` if they stick, so a larger restitution makes up for no friction."""
+    table = [(a, math.degrees(math.atan(math.tan(math.radians(a)) / (1 + gyration) / e))) for a in incidence]
+    readings = SphereReadings(2.0, 0.05, {"angle": table}, {"angle": 1.0}, gyration)
+    found = identify(readings, resamples=2).coefficients
+    assert math.isnan(found["friction"].value)
+    assert (found["friction"].low, found["friction"].high) == (0.0, math.inf)
+    low, high = found["restitution"][1:3]
+    assert low <= e + SOLVED and high >= e * (1 + gyration) - SOLVED
+
+
 def test_the_interval_of_a_product_may_reach_to_infinity():
     """Resamples of only the reading at 90 degrees approach at 1e-16 m/s: any friction fits."""
     readings = SphereReadings(

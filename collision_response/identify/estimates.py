@@ -41,8 +41,8 @@ class Estimate(NamedTuple):
 
     Attributes:
         value: the best fit; NaN if the impacts do not determine the coefficient.
-        low, high: 95 % interval of the bootstrap; if ``value`` is NaN, the range of values that the impacts
-            do not rule out.
+        low, high: 95 % interval of the bootstrap, and the values that fit as well where another coefficient
+            is not determined; if ``value`` is NaN, the range of values that the impacts do not rule out.
         formal: standard deviation according to least squares; far too small if the normals are noisy.
             Infinite if ``value`` is NaN.
     """
@@ -76,29 +76,33 @@ def estimates(problem: LeastSquares, best: Any, values: Array) -> tuple[dict[str
     highest = np.where(np.isnan(values), most, values)
     low, high = _percentile(lowest, 2.5), _percentile(highest, 97.5)
     formal = np.sqrt(np.diag(covariance))
+    unknown, places = undetermined(problem, best)
+    low, high = np.min([low, *places], axis=0), np.max([high, *places], axis=0)
     found = {name: Estimate(*map(float, row)) for name, *row in zip(names, x, low, high, formal, strict=True)}
-    unknown = _confounded(best.jac, names)
-    return found | undetermined(problem, best), (
-        _product(x, highest, names, covariance) if unknown == set(PRODUCT) else None
-    )
+    confounded = _confounded(best.jac, names)
+    return found | unknown, (_product(x, highest, names, covariance) if confounded == set(PRODUCT) else None)
 
 
 def _percentile(values: Array, percent: float) -> Any:
     return np.percentile(values, percent, axis=0, method="inverted_cdf")
 
 
-def undetermined(problem: LeastSquares, best: Any) -> dict[str, Estimate]:
-    """Return, for each coefficient that the impacts do not determine, the range that they do not rule out."""
+def undetermined(problem: LeastSquares, best: Any) -> tuple[dict[str, Estimate], list[Array]]:
+    """Return, for each coefficient that the impacts do not determine, the range that they do not rule out.
+
+    The second part holds fits with such a coefficient at a limit of its range. The other coefficients may be
+    different there, and these values are not ruled out either.
+    """
     unknown = _confounded(best.jac, problem.names)
     negligible = float(problem.reduced(NEGLIGIBLE_SQUARES))
     allowed = problem.squares(best.x) + 2 * HALF_CHI_SQUARE * _variance(problem, best) + negligible
     found = {name: Estimate(math.nan, *RANGES[name][:2], math.inf) for name in unknown}
-    rest = {
-        name: _undetermined_alone(problem, best, name, allowed)
-        for name in problem.names
-        if name not in unknown
-    }
-    return found | {name: estimate for name, estimate in rest.items() if estimate is not None}
+    places: list[Array] = []
+    for name in problem.names:
+        if name not in unknown and (alone := _undetermined_alone(problem, best, name, allowed)):
+            found[name], fits = alone
+            places += fits
+    return found, places
 
 
 def _variance(problem: LeastSquares, best: Any) -> float:
@@ -144,20 +148,27 @@ def _product(x: Array, values: Array, names: tuple[str, ...], covariance: Array)
     return Estimate(x[mu] * (1 + x[e]), low, high, math.sqrt(slope @ covariance @ slope))
 
 
-def _undetermined_alone(problem: LeastSquares, best: Any, name: str, allowed: float) -> Estimate | None:
+def _undetermined_alone(
+    problem: LeastSquares, best: Any, name: str, allowed: float
+) -> tuple[Estimate, list[Array]] | None:
     """Return the range that is not ruled out for a coefficient that can have any value, or any above a bound.
 
-    Returns ``None`` if the impacts determine the coefficient. A value is ruled out if the sum of squares is
-    above ``allowed`` with the other coefficients fitted.
+    The second part holds the fits at those limits of the range that are not ruled out. Returns ``None`` if
+    the impacts determine the coefficient. A value is ruled out if the sum of squares is above ``allowed``
+    with the other coefficients fitted.
     """
     (least, most, _), x, i = RANGES[name], best.x, problem.names.index(name)
-    if problem.squares_at_fixed(x, name, min(most, LARGE_COEFFICIENT)) > allowed:
+    at_most = problem.fitted_at(x, name, min(most, LARGE_COEFFICIENT))
+    if problem.squares(at_most) > allowed:
         return None
-    is_open = problem.squares_at_fixed(x, name, least) <= allowed
+    at_least = problem.fitted_at(x, name, least)
+    is_open = problem.squares(at_least) <= allowed
     if most < math.inf and not is_open and best.jac[:, i].any():
         return None
     low, high = least, float(x[i])
     for _ in range(0 if is_open else HALVINGS):
         middle = (low + high) / 2
-        low, high = (low, middle) if problem.squares_at_fixed(x, name, middle) <= allowed else (middle, high)
-    return Estimate(math.nan, least if is_open else high, most, math.inf)
+        is_allowed = problem.squares(problem.fitted_at(x, name, middle)) <= allowed
+        low, high = (low, middle) if is_allowed else (middle, high)
+    estimate = Estimate(math.nan, least if is_open else high, most, math.inf)
+    return estimate, [at_least, at_most] if is_open else [at_most]

@@ -200,7 +200,7 @@ def _fits_to_other_residuals(problem: LeastSquares) -> Iterator[tuple[str, dict[
         other, nearest = problem._replace(
             measured=used, kind=kind, unit=residual_unit(used, kind), scale=0.0
         ).best()
-        values, unknown = other.at(nearest.x), undetermined(other, nearest)
+        values, (unknown, _) = other.at(nearest.x), undetermined(other, nearest)
         known = {name: values[name] for name in problem.names if name not in unknown}
         if known:
             yield kind, known
@@ -229,7 +229,7 @@ def _notes(
             why = "the measurements lie there, or beyond it because of their errors or the law"
             yield f"{name} is at its limit: {why}"
         if high - low > 2 * 2 * 1.96 * formal:
-            yield f"{name}: the formal interval is {(high - low) / (2 * 1.96 * formal):.1f} times too small"
+            yield f"{name}: the formal interval is {(high - low) / (2 * 1.96 * formal):.2g} times too small"
         apart = max((abs(values[name] - value) for values in others.values() if name in values), default=0.0)
         if apart > DISAGREEMENT * formal:
             yield (

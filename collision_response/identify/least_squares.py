@@ -214,12 +214,12 @@ class LeastSquares(NamedTuple):
         found = (self._replace(measured=self.measured.take(draw)).solve(x, ROUGH_PRECISION) for draw in draws)
         return np.array([np.where(one.jac.any(axis=0), one.x, math.nan) for one in found])
 
-    def squares_at_fixed(self, x: Array, name: str, value: float) -> float:
-        """Return the smallest sum of squares with one coefficient held; the search starts at ``x``."""
+    def fitted_at(self, x: Array, name: str, value: float) -> Array:
+        """Return the coefficients that fit best with one of them held; the search starts at ``x``."""
         i = self.names.index(name)
         rest = self._replace(names=self.names[:i] + self.names[i + 1 :], given={**self.given, name: value})
         others = np.delete(x, i)
-        return rest.squares(rest.solve(others, ROUGH_PRECISION).x if rest.names else ())
+        return np.insert(rest.solve(others, ROUGH_PRECISION).x if rest.names else others, i, value)
 
 
 def _snap_to_limits(x: Array, one: Any, limits: Iterable[Array], precision: float) -> Array:
