@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import sys
 from fractions import Fraction
 
@@ -9,10 +10,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mpmath import mp, mpf
 
 from collision_response.numbers.operations import square_root
 from collision_response.physics.combine import CombineRule, combine
 
+pytest.importorskip("mpmath")
 pytest.importorskip("yaml")
 
 coefficients = st.just(0.0) | st.floats(1e-100, 1)
@@ -83,6 +86,30 @@ def test_the_energetic_rule_depends_on_the_ratio_of_the_stiffnesses(a, b, stiffn
     exact = (Fraction(a) ** 2 * k_b + Fraction(b) ** 2 * k_a) / (k_a + k_b)
     assert joined == pytest.approx(float(square_root(exact)), rel=2e-15)
     assert joined == combine(CombineRule.ENERGETIC, b, a, *stiffness[::-1])
+
+
+LEAST, GREATEST = 5e-324, sys.float_info.max
+
+
+@pytest.mark.parametrize("rule", [rule for rule in CombineRule if rule is not CombineRule.MULTIPLY])
+@pytest.mark.parametrize("a", [0.0, LEAST, 1e-310, 1e-300, 1e-160, 1 / 3, 1.0, 3.0, GREATEST])
+def test_means_of_equal_numbers_of_any_size_are_exact(rule, a):
+    assert combine(rule, a, a) == a
+    assert combine(rule, np.array([a]), np.array([a])).tolist() == [a]
+
+
+@pytest.mark.parametrize(("k_a", "k_b"), [*itertools.permutations([LEAST, 1e-300, 1.0, 1e300, GREATEST], 2)])
+@pytest.mark.parametrize(("a", "b"), [*itertools.product([0.0, LEAST, 1e-200, 1e-160, 1 / 3, 1.0], repeat=2)])
+def test_the_energetic_rule_does_not_underflow(a, b, k_a, k_b):
+    """Restitutions and stiffnesses whose squares or quotients are below float64."""
+    joined = combine(CombineRule.ENERGETIC, a, b, k_a, k_b)
+    with mp.workdps(50):
+        exact = mp.sqrt((mpf(a) ** 2 * k_b + mpf(b) ** 2 * k_a) / (mpf(k_a) + k_b))
+        # The quotient of the roots of the greatest and the least number is itself below the normal range.
+        assert abs(joined - exact) <= 4e-16 * exact + 2 * LEAST
+    assert min(a, b) <= joined <= max(a, b)
+    assert joined == combine(CombineRule.ENERGETIC, b, a, k_b, k_a)
+    assert combine(CombineRule.ENERGETIC, np.array([a]), np.array([b]), k_a, k_b).tolist() == [joined]
 
 
 def test_rules_are_exact_in_fractions():

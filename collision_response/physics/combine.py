@@ -59,11 +59,11 @@ def combine(
     for name, x in given.items():
         if not is_real(x):
             raise TypeError(f"{name}: must be a real number, is {format_value(x)}")
-    if rule is CombineRule.AVERAGE:
-        return a / 2 + b / 2
     if rule is CombineRule.MULTIPLY:
         return a * b
     low, high = minimum(a, b), maximum(a, b)
+    if rule is CombineRule.AVERAGE:
+        return maximum(low, minimum(high, a / 2 + b / 2))  # the halves of the least floats are rounded
     if rule is CombineRule.MINIMUM:
         return low
     if rule is CombineRule.MAXIMUM:
@@ -76,11 +76,26 @@ def combine(
         return choose(
             ratio >= TINY, lambda: high * square_root(ratio), lambda: square_root(low) * square_root(high)
         )
-    softer = size / size * minimum(stiffness_a, stiffness_b) / maximum(stiffness_a, stiffness_b)
+    one = size / size
+    least, most = one * minimum(stiffness_a, stiffness_b), one * maximum(stiffness_a, stiffness_b)
+    softer = least / most
     a_is_softer = stiffness_a < stiffness_b
     soft = choose(a_is_softer, lambda: a, lambda: b) / size
     stiff = choose(a_is_softer, lambda: b, lambda: a) / size
-    return high * square_root((soft * soft + stiff * stiff * softer) / (1 + softer))
+    energy = soft * soft + stiff * stiff * softer
+    root_of_softer = square_root(least) / square_root(most)
+    return choose(
+        energy >= TINY,
+        lambda: high * square_root(energy / (1 + softer)),
+        lambda: maximum(low, high * minimum(one, _hypotenuse(soft, stiff * root_of_softer))),
+    )
+
+
+def _hypotenuse(x: Scalar, y: Scalar) -> Scalar:
+    """Return the root of ``x^2 + y^2`` for numbers >= 0 whose squares underflow."""
+    greater = maximum(x, y)
+    ratio = minimum(x, y) / choose(greater > 0, lambda: greater, lambda: 1 + greater)
+    return greater * square_root(1 + ratio * ratio)
 
 
 def check_rule(rule: Any) -> None:
