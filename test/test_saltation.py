@@ -472,8 +472,15 @@ def test_an_impact_that_hardly_approaches_is_refused(speed):
     with refused(StatusCode.OUT_OF_RANGE, "matrix"):
         saltation_matrix(*slow, sphere_on_plane(RADIUS))
     nearly = ball(velocity=(1.0, 0.0, -1e-200)), *slow[1:]
-    with refused(StatusCode.OUT_OF_RANGE, "covariance"):
+    with refused(StatusCode.OUT_OF_RANGE, "covariance", match="too slowly"):
         propagate_covariance(*nearly, np.diag(SD**2), sphere_on_plane(RADIUS))
+
+
+@pytest.mark.parametrize("field", ["restitution_sd", "normal_sd"])
+def test_a_covariance_beyond_float64_is_refused(field):
+    request = ball(), Body.static(), FLOOR, ImpactModel(), np.diag(SD**2), sphere_on_plane(RADIUS)
+    with refused(StatusCode.OUT_OF_RANGE, "covariance", match="a standard deviation is too large"):
+        propagate_covariance(*request, **{field: 1e200})
 
 
 # --- Bad input
@@ -542,8 +549,8 @@ def covariance_with(value) -> list:
         *map(covariance_with, ("x", None, 1j, 10**400, math.nan, math.inf, [1.0, 2.0], -1.0)),
     ],
 )
-def test_an_invalid_covariance_is_refused_by_name(covariance):
-    with refused(StatusCode.INVALID_TABLE, "covariance"):
+def test_an_invalid_covariance_is_refused_in_one_line(covariance):
+    with refused(StatusCode.INVALID_TABLE, "covariance", match=r"\Acovariance: [^\n]+\Z"):
         propagate_covariance(ball(), Body.static(), FLOOR, ImpactModel(), covariance, sphere_on_plane(RADIUS))
 
 

@@ -106,7 +106,8 @@ def propagate_covariance(
     from_state = linearised.matrix[:, movable] @ root
     from_coefficients = by_coefficients * [restitution_sd, friction_sd]
     root_after = np.hstack([from_state, from_coefficients, linearised.by_normal * normal_sd])[movable]
-    after = check_finite("covariance", root_after @ root_after.T)
+    after = root_after @ root_after.T
+    check_finite("covariance", after, "the bodies approach too slowly, or a standard deviation is too large")
     regimes = tuple(dict.fromkeys(_likely_regimes(linearised, root, deviations)))
     has_friction = contact.friction > 0 or friction_sd > 0  # if not, a contact that sticks just does not slip
     differ = {Regime.SEPARATING, Regime.STICKING} if has_friction else {Regime.SEPARATING}
@@ -120,9 +121,10 @@ def propagate_covariance(
 def _square_root(covariance: Array | None, size: int) -> Array:
     """Return a matrix ``L`` with ``L L^T`` equal to the covariance, which is checked."""
     S = as_finite_array(covariance, (size, size))
-    problem = f"must be a covariance of shape ({size}, {size})"
     if S is None:
-        raise ImpactError(StatusCode.INVALID_TABLE, "covariance", f"{problem}, is {covariance}")
+        raise ImpactError(
+            StatusCode.INVALID_TABLE, "covariance", f"must be finite numbers of shape ({size}, {size})"
+        )
     sd = np.sqrt(np.abs(np.diag(S)))
     scale = np.where(sd > 0, sd, 1.0)  # the entries have different units
     values, axes = np.linalg.eigh(S / np.outer(scale, scale))
@@ -130,7 +132,7 @@ def _square_root(covariance: Array | None, size: int) -> Array:
     asymmetry = np.abs((S - S.T) / np.outer(scale, scale)).max()
     if asymmetry > rounding or values.min() < -rounding * max(values.max(), 1.0):
         raise ImpactError(
-            StatusCode.INVALID_TABLE, "covariance", f"{problem}, symmetric and positive semi-definite"
+            StatusCode.INVALID_TABLE, "covariance", "must be symmetric and positive semi-definite"
         )
     root: Array = scale[:, None] * axes * np.sqrt(np.maximum(values, 0.0))
     return root

@@ -149,22 +149,20 @@ def linearise(
         raise ImpactError(
             StatusCode.SEPARATING, "contact.normal", f"there is no impact: the normal velocity is {u_n}"
         )
-    matrix = check_finite("matrix", DR + np.outer(F_after - DR @ F_before, Dg) / u_n)
+    matrix = DR + np.outer(F_after - DR @ F_before, Dg) / u_n
+    check_finite("matrix", matrix, "the bodies approach too slowly")
     movable = [12 * side + i for side, body in enumerate(bodies) if body.is_movable() for i in range(12)]
     return LinearisedImpact(request, derivatives, matrix, by_normal, motion, movable)
 
 
-def check_finite(name: str, array: Array) -> Array:
-    """Return the array.
+def check_finite(name: str, array: Array, cause: str) -> None:
+    """Check that all numbers are finite.
 
     Raises:
-        ImpactError: OUT_OF_RANGE if a number is not finite, which happens if the bodies approach very slowly.
+        ImpactError: OUT_OF_RANGE if one is not, with the ``cause``.
     """
     if not np.isfinite(array).all():
-        raise ImpactError(
-            StatusCode.OUT_OF_RANGE, name, "a number is beyond float64: the bodies approach too slowly"
-        )
-    return array
+        raise ImpactError(StatusCode.OUT_OF_RANGE, name, f"a number is beyond float64: {cause}")
 
 
 def as_finite_array(value: Any, shape: tuple[int, ...]) -> Array | None:
@@ -196,9 +194,8 @@ def _surface_motion(
         )
         raise ImpactError(StatusCode.INVALID_NORMAL, "surfaces", reason)
     for name, shape in (("position", (3, 12)), ("normal", (3, 12)), ("position_by_normal", (3, 3))):
-        value: Any = getattr(motion, name, None)
-        if as_finite_array(value, shape) is None:
-            reason = f"must be finite numbers of shape {shape}, is {value}"
+        if as_finite_array(getattr(motion, name, None), shape) is None:
+            reason = f"must be finite numbers of shape {shape}"
             raise ImpactError(StatusCode.INVALID_NORMAL, f"surfaces.{name}", reason)
     return motion
 

@@ -63,7 +63,7 @@ def unit_normal(contact: Contact) -> Array:
 
 
 def point_on_plane(body_a: Body, body_b: Body, contact: Contact) -> SurfaceMotion:
-    """Return the motion for a point mass, body_a, on a plane of body_b."""
+    """Return the motion for a point mass, body_a, that touches a plane of body_b at its reference point."""
     return corner_on_plane(body_a._replace(position=contact.position), body_b, contact)
 
 
