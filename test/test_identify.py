@@ -148,6 +148,22 @@ def test_sticking_impacts_only_bound_friction_from_below():
     assert "friction >= " in str(identify(measured, resamples=2))
 
 
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU, Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("slip", [0.01, 0.1, 1.0])
+def test_spheres_that_stick_bound_friction_from_below_by_every_law(law, e, slip):
+    """Rounding makes some residuals of Routh's laws depend on friction; that is no effect of it."""
+    before = [Body.sphere(1.0, 0.1, position=(0, 0, 0.1), velocity=(slip, 0.2 * slip, -1.0))] * 5
+    touch = Contact.of((0, 0, 0), (0, 0, 1), e, 10.0)
+    after = [resolve(ball, Body.static(), touch, ImpactModel(law)).twist_a for ball in before]
+    measured = Impacts.of(before, [Body.static()] * 5, [touch] * 5, after, after)
+    found = identify(measured, law, resamples=2).coefficients
+    assert math.isnan(found["friction"].value) and found["friction"].high == math.inf
+    steepest = math.hypot(slip, 0.2 * slip) * (2 / 7) / (1 + e)
+    assert found["friction"].low == pytest.approx(steepest, rel=1e-3)  # squares up to 1e-12 are no misfit
+    assert found["restitution"].value == pytest.approx(e, abs=SOLVED)
+
+
 @pytest.mark.parametrize("law", [Law.COULOMB, Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
 @pytest.mark.parametrize("mu", [0.1, 0.1625, 0.25, 0.39, 0.41, 0.44, 0.6, 0.9, 1.3, 2.1])
 def test_one_impact_that_slides_determines_friction(law, mu):

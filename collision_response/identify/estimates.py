@@ -20,7 +20,7 @@ from ..batch.arrays import Array
 from .least_squares import NEGLIGIBLE_SQUARES, RANGES, LeastSquares
 
 LARGE_COEFFICIENT = 1e3
-"""Stands for infinity where a coefficient without an upper limit is tried at its limit."""
+"""Times the greater of 1 and its value, it stands for the missing upper limit of a coefficient."""
 
 HALF_CHI_SQUARE = 1.92
 """Half of the 95 % point of chi square with one degree of freedom."""
@@ -124,11 +124,12 @@ def _confounded(jacobian: Array, names: tuple[str, ...]) -> set[str]:
     _, sizes, directions = np.linalg.svd(jacobian[:, effective], full_matrices=False)
     if sizes[-1] * CONDITION_LIMIT > sizes[0]:
         return set()
-    return {
+    found = {
         names[i]
         for i, part in zip(effective, directions[len(effective) - 1], strict=True)
         if abs(part) > 1e-3
     }
+    return found if len(found) > 1 else set()  # one alone, which has little effect, is no combination
 
 
 PRODUCT = ("restitution", "friction")
@@ -158,7 +159,7 @@ def _undetermined_alone(
     with the other coefficients fitted.
     """
     (least, most, _), x, i = RANGES[name], best.x, problem.names.index(name)
-    at_most = problem.fitted_at(x, name, min(most, LARGE_COEFFICIENT))
+    at_most = problem.fitted_at(x, name, min(most, LARGE_COEFFICIENT * max(1.0, float(x[i]))))
     if problem.squares(at_most) > allowed:
         return None
     at_least = problem.fitted_at(x, name, least)
