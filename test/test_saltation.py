@@ -15,6 +15,7 @@ from extremes import extremes
 from refusals import refused
 
 from collision_response import (
+    Adjustment,
     Body,
     Contact,
     Geometry,
@@ -447,6 +448,53 @@ def test_a_ball_that_falls_without_slip_may_slide(law, normal, angle, of_velocit
     both = of_velocity > 0 and of_spin > 0
     assert found.regimes == ((Regime.STICKING, Regime.SLIDING) if both else (Regime.STICKING,))
     assert found.is_reliable != both
+
+
+@pytest.mark.parametrize("law", [law for law in Law if law is not Law.AUTO])
+@pytest.mark.parametrize("deviations", [-2.1, -1.9, 0.1, 1.9, 2.1])
+@pytest.mark.parametrize(("restitution", "restitution_sd"), [(0.8, 0.0), (0.0, 0.1), (0.0, 0.0)])
+def test_it_reports_that_the_restitution_threshold_is_likely(law, deviations, restitution, restitution_sd):
+    """Above the threshold the ball bounces, below it stays; without restitution both are the same."""
+    sd = 0.01
+    threshold = 1.0 - deviations * sd
+    S = np.zeros((12, 12))
+    S[8, 8] = sd**2
+    found = propagate_covariance(
+        ball(velocity=(0.0, 0.0, -1.0), angular_velocity=(0.0, 0.0, 0.0)), Body.static(),
+        FLOOR._replace(restitution=restitution, friction=0.0),
+        ImpactModel(law, restitution_threshold=threshold), S, sphere_on_plane(RADIUS),
+        restitution_sd=restitution_sd,
+    )  # fmt: skip
+    bounces = restitution > 0 or restitution_sd > 0
+    assert found.is_reliable == (abs(deviations) > 2 or not bounces)
+
+
+@pytest.mark.parametrize("deviations", [-2.1, -1.9, 0.1, 1.9, 2.1])
+def test_it_reports_that_a_fallback_of_moreau_is_likely(deviations):
+    """A rod, steeper than 45 degrees, that slips fast enough for the least slip to create energy."""
+    model = ImpactModel(Law.MOREAU)
+
+    def rod(slip):
+        moments = 1 / 12, 0, 0, 1 / 12, 0, 1 / 12
+        return Body.dynamic(1.0, moments, (0.5 / 5**0.5, 0.0, 1 / 5**0.5), velocity=(slip, 0.0, -1.0))
+
+    contact = Contact.of((0, 0, 0), (0, 0, 1), 0.9, 0.3)
+
+    def falls_back(slip):
+        impact = resolve(rod(slip), Body.static(), contact, model)
+        return Adjustment.LAW_FALLBACK in impact.adjustments
+
+    slow, fast = 0.0, 0.5
+    assert falls_back(fast) and not falls_back(slow)
+    for _ in range(50):
+        middle = (slow + fast) / 2
+        slow, fast = (slow, middle) if falls_back(middle) else (middle, fast)
+    sd = 1e-4
+    S = np.zeros((12, 12))
+    S[6, 6] = sd**2
+    mean = rod(fast + deviations * sd)
+    found = propagate_covariance(mean, Body.static(), contact, model, S, corner_on_plane)
+    assert found.is_reliable == (abs(deviations) > 2), found.regimes
 
 
 @pytest.mark.filterwarnings("error")

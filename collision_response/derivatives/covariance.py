@@ -5,7 +5,7 @@ the impact by restitution, friction and normal:
 
     S+ = Xi S Xi^T + J diag(sd^2) J^T
 
-This holds as long as all likely impacts have the same regime. To find out whether others are likely, points
+This holds as long as all likely impacts have the same regime and no jump is between them. To find out, points
 at two standard deviations are tried: along each source of uncertainty, and in the directions in which the
 friction used, the slip after the impact, the slip before it and the approach change most.
 """
@@ -18,10 +18,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..answer import Impact
 from ..arguments import check_number
 from ..batch.arrays import Array, compared_by_identity
 from ..body_conversions import orientation_of
-from ..model import DEFAULT, ImpactModel
+from ..model import DEFAULT, Adjustment, ImpactModel
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Regime
@@ -54,12 +55,21 @@ class CovarianceAfter(NamedTuple):
         covariance: of the state after the impact; its shape is that of the covariance before.
         regimes: all regimes found within two standard deviations; the first is that of the mean state.
         is_reliable: ``False`` if ``regimes`` has separating and another one, or both sticking and slipping of
-            a contact with friction; or if a derivative that was used is at a kink or a jump.
+            a contact with friction; if a derivative that was used is at a kink or a jump; or if there is a
+            jump within two standard deviations, at ``restitution_threshold`` or where MOREAU falls back.
     """
 
     covariance: Array
     regimes: tuple[Regime, ...]
     is_reliable: bool
+
+
+class _Behaviour(NamedTuple):
+    """What sets one impact apart from another: its regime, and the sides of the jumps on which it is."""
+
+    regime: Regime
+    is_slow: bool
+    falls_back: bool
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -108,14 +118,20 @@ def propagate_covariance(
     root_after = np.hstack([from_state, from_coefficients, linearised.by_normal * normal_sd])[movable]
     after = root_after @ root_after.T
     check_finite("covariance", after, "the bodies approach too slowly, or a standard deviation is too large")
-    regimes = tuple(dict.fromkeys(_likely_regimes(linearised, root, deviations)))
+    likely = [_behaviour(linearised.derivatives.impact, model)]
+    likely += (_behaviour_at(linearised, change) for change in _likely_changes(linearised, root, deviations))
+    regimes = tuple(dict.fromkeys(one.regime for one in likely))
+    colliding = [one for one in likely if one.regime is not Regime.SEPARATING]
+    has_restitution = contact.restitution > 0 or restitution_sd > 0
+    jumps = len({one.falls_back for one in colliding}) > 1 or (
+        has_restitution and len({one.is_slow for one in colliding}) > 1
+    )
     has_friction = contact.friction > 0 or friction_sd > 0  # if not, a contact that sticks just does not slip
     differ = {Regime.SEPARATING, Regime.STICKING} if has_friction else {Regime.SEPARATING}
     has_one_behaviour = len(regimes) == 1 or differ.isdisjoint(regimes)
     certain = [name for name, sd in zip(COEFFICIENTS, deviations[:2], strict=True) if sd == 0]
-    return CovarianceAfter(
-        after, regimes, has_one_behaviour and not is_nonsmooth(linearised.derivatives, without=certain)
-    )
+    is_smooth = not jumps and not is_nonsmooth(linearised.derivatives, without=certain)
+    return CovarianceAfter(after, regimes, has_one_behaviour and is_smooth)
 
 
 def _square_root(covariance: Array | None, size: int) -> Array:
@@ -138,13 +154,12 @@ def _square_root(covariance: Array | None, size: int) -> Array:
     return root
 
 
-def _likely_regimes(
+def _likely_changes(
     linearised: LinearisedImpact, root: Array, deviations: Sequence[float]
-) -> Iterator[Regime]:
-    """Yield the regime of the mean, then those of points two standard deviations away from it."""
+) -> Iterator[Array]:
+    """Yield changes of the state, restitution, friction and normal by two standard deviations."""
     (body_a, body_b, contact, _), derivatives = linearised[:2]
     impact, J, columns = derivatives.impact, derivatives.jacobian, derivatives.columns
-    yield impact.regime
     restitution_sd, friction_sd, normal_sd = deviations
     size = root.shape[0]
     n = unit_normal(contact)
@@ -188,7 +203,7 @@ def _likely_regimes(
         for sign in (LIKELY_DEVIATIONS, -LIKELY_DEVIATIONS):
             change = spread @ step * sign
             if change.any():
-                yield _regime_at(linearised, change)
+                yield change
 
 
 def _normalised(v: Array) -> Array:
@@ -197,8 +212,13 @@ def _normalised(v: Array) -> Array:
     return v / length if length > 0 else v
 
 
-def _regime_at(linearised: LinearisedImpact, change: Array) -> Regime:
-    """Return the regime after a change of the state (24 numbers), restitution, friction and normal (3)."""
+def _behaviour(impact: Impact, model: ImpactModel) -> _Behaviour:
+    is_slow = -impact.normal_velocity_before < model.restitution_threshold
+    return _Behaviour(impact.regime, is_slow, Adjustment.LAW_FALLBACK in impact.adjustments)
+
+
+def _behaviour_at(linearised: LinearisedImpact, change: Array) -> _Behaviour:
+    """Return the behaviour after a change of the state (24 numbers), restitution, friction and normal (3)."""
     (body_a, body_b, contact, model), motion = linearised.request, linearised.motion
     changed_a, changed_b = _changed(body_a, change[:12]), _changed(body_b, change[12:24])
     poses, tilt = change[POSES], change[26:]
@@ -211,7 +231,7 @@ def _regime_at(linearised: LinearisedImpact, change: Array) -> Regime:
         restitution=min(max(float(e), 0.0), 1.0),
         friction=max(float(mu), 0.0),
     )
-    return resolve(changed_a, changed_b, changed, model).regime
+    return _behaviour(resolve(changed_a, changed_b, changed, model), model)
 
 
 def _changed(body: Body, change: Array) -> Body:
