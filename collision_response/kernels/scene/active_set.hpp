@@ -33,8 +33,7 @@ class ActiveSet {
     R* row = &factor[m * (m + 1) / 2];
     for (size_t k = 0; k < m; ++k) row[k] = A[i * stride + members[k]];
     forward(row, m);
-    R pivot = A[i * stride + i];
-    for (size_t k = 0; k < m; ++k) pivot = pivot - row[k] * row[k];
+    const R pivot = A[i * stride + i] - dot(row, row, m);
     if (!(high(pivot) > DEPENDENT<R>)) return false;
     row[m] = root(pivot);
     members.push_back(i);
@@ -60,9 +59,8 @@ class ActiveSet {
       R* row = &rows[chosen * width];
       row[m] = root(pivot[chosen]);
       for (int i : left) {
-        R *other = &rows[i * width], y = A[i * stride + chosen];
-        for (size_t k = 0; k < m; ++k) y = y - other[k] * row[k];
-        other[m] = y / row[m];
+        R* other = &rows[i * width];
+        other[m] = (A[i * stride + chosen] - dot(other, row, m)) / row[m];
         pivot[i] = pivot[i] - other[m] * other[m];
       }
       factor.insert(factor.end(), row, row + m + 1);
@@ -81,13 +79,8 @@ class ActiveSet {
 
   // y <- A_PP^-1 y, in place, for the active set P.
   void solve(R* y) const {
-    size_t m = members.size();
-    forward(y, m);
-    for (size_t i = m; i-- > 0;) {
-      const R* row = &factor[i * (i + 1) / 2];
-      y[i] = y[i] / row[i];
-      for (size_t k = 0; k < i; ++k) y[k] = y[k] - row[k] * y[i];
-    }
+    forward(y, members.size());
+    backward(y);
   }
 
   // The diagonal of A_PP^-1.
@@ -108,11 +101,9 @@ class ActiveSet {
   R line(int i, std::vector<R>& w) const {
     w.resize(members.size());
     for (size_t k = 0; k < w.size(); ++k) w[k] = A[i * stride + members[k]];
-    std::vector<R> half(w);
-    forward(half.data(), half.size());
-    R curvature = A[i * stride + i];
-    for (const R& y : half) curvature = curvature - y * y;
-    solve(w.data());
+    forward(w.data(), w.size());
+    const R curvature = A[i * stride + i] - dot(w, w);
+    backward(w.data());
     return high(curvature) > DEPENDENT<R> ? curvature : R{};
   }
 
@@ -121,9 +112,15 @@ class ActiveSet {
   void forward(R* y, size_t m, size_t first = 0) const {
     for (size_t i = first; i < m; ++i) {
       const R* row = &factor[i * (i + 1) / 2];
-      R sum = y[i];
-      for (size_t k = first; k < i; ++k) sum = sum - row[k] * y[k];
-      y[i] = sum / row[i];
+      y[i] = (y[i] - dot(row + first, y + first, i - first)) / row[i];
+    }
+  }
+  // Solve with the transpose of the factor.
+  void backward(R* y) const {
+    for (size_t i = members.size(); i-- > 0;) {
+      const R* row = &factor[i * (i + 1) / 2];
+      y[i] = y[i] / row[i];
+      for (size_t k = 0; k < i; ++k) y[k] = y[k] - row[k] * y[i];
     }
   }
 
@@ -178,15 +175,25 @@ Minimum<R> minimise(const std::vector<R>& A, const std::vector<R>& b, const std:
   std::vector<R>& x = result.x;
   std::vector<R> y;
   size_t n = among.size();
+  std::vector<int> coupled;  // for each of them, those that it is coupled with
+  std::vector<size_t> end;
+  coupled.reserve(8 * n);
+  end.reserve(n);
+  for (int i : among) {
+    for (int j : among)
+      if (high(A[i * stride + j]) != 0) coupled.push_back(j);
+    end.push_back(coupled.size());
+  }
   for (size_t turn = 0; turn < 50 * n + 200; ++turn) {
     int entering = -1;
     R most{};
     double size = 0;  // of A x at most, because no element of A is greater than 1
     for (int j : active.members) size += std::fabs(high(x[j]));
-    for (int i : among) {
+    for (size_t k = 0; k < n; ++k) {
+      const int i = among[k];
       if (active.has(i)) continue;
       R slope = b[i];
-      for (int j : active.members) slope = slope + A[i * stride + j] * x[j];
+      for (size_t c = k ? end[k - 1] : 0; c < end[k]; ++c) slope = slope + A[i * stride + coupled[c]] * x[coupled[c]];
       bool is_less = turn < 20 * n + 100 ? less(slope, most) : entering < 0;
       if (high(slope) < -UNMOVED<R> * (std::fabs(high(b[i])) + size) && is_less) {
         most = slope;

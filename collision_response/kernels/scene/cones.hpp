@@ -45,12 +45,11 @@ class Cones {
   static constexpr double FIRM_SIGMA = is_scalar<R> ? SIGMA : 1e20;  // beside heavy bodies
   static constexpr int ROUNDS = 6;  // at most
   static constexpr double KEPT = 1e-12;  // relative error of N y: no further rounds are needed
-  static constexpr double SLOW_SLIP = 1e6;  // solve_by_raising_slip: the first slip
-  static constexpr double GREATEST_FACTOR = 100, LEAST_FACTOR = 1.2;  // by which slip or rho is raised at once
+  static constexpr double GREATEST_FACTOR = 100, LEAST_FACTOR = 1.2;  // by which rho is raised at once
   static constexpr int MAX_STEPS = 60;
   static constexpr int TRIES = 3;  // of Newton steps that do not reduce the gradient, near the minimum
   // Multiplications after which no steps begin that may be many. Only double-double takes so long.
-  static constexpr double BUDGET = is_scalar<R> ? INFINITY : 3e7;
+  static constexpr double BUDGET = is_scalar<R> ? INFINITY : 1e8;
 
   struct Cone {
     int body[2];  // -1: immovable
@@ -107,24 +106,21 @@ class Cones {
 
   double multiplications() const { return work; }
 
-  // Find P as solve() does, but from the solution in fewer digits if that keeps the velocities: this takes few steps.
-  template <class S>
-  double solve_from(const Cones<S>& coarse) {
-    if (coarse.has_kept) {
-      for (size_t i = 0; i < x.size(); ++i) x[i] = lifted<R>(coarse.x[i]);
-      for (size_t i = 0; i < P.size(); ++i)
-        for (int k = 0; k < 3; ++k) P[i][k] = lifted<R>(coarse.P[i][k]);
-      if (const double error = keep_velocities(); error <= enough) return error;
-    }
-    return solve();
-  }
-
   // Find P: of all solutions nearly the one with the least sum of squares. Returns a bound on the error of y.
   double solve() {
-    if (work >= BUDGET) return INFINITY;
-    multipliers.assign(kept_velocities.size(), R{});
-    if (!is_scalar<R> && fastest > SLOW_SLIP) solve_by_raising_slip();
-    else solve_from_zero();
+    solve_from_zero();
+    return go_on();
+  }
+  // The same, from the solution in fewer digits.
+  template <class S>
+  double solve_from(const Cones<S>& coarse) {
+    for (size_t i = 0; i < x.size(); ++i) x[i] = lifted<R>(coarse.x[i]);
+    for (size_t i = 0; i < P.size(); ++i)
+      for (int k = 0; k < 3; ++k) P[i][k] = lifted<R>(coarse.P[i][k]);
+    return go_on();
+  }
+  // The same, from the P at hand.
+  double go_on() {
     if (const double error = keep_velocities(); error <= enough) return error;
     Bounds bounds = finish_round();
     double error = bounds.of_round;
@@ -134,7 +130,6 @@ class Cones {
       bounds = finish_round();
       error += std::sqrt(2) * bounds.of_round;  // lambda_0 has the error of the round before
     }
-    has_kept = bounds.are_kept || bounds.of_kept <= 2 * bounds.of_round;
     return is_firm() ? bounds.of_kept : std::fmin(error, bounds.of_kept);
   }
 
@@ -144,62 +139,36 @@ class Cones {
     if (kept_velocities.empty()) return INFINITY;
     const State before = state();
     double error = INFINITY, last = INFINITY, size = 100 * FIRST_RHO;
-    for (int round = 0; round < 2 || (error > enough && error < last / 10); ++round) {
+    bool converges = true;
+    auto gains = [&] { return error < last / (converges ? 10 : 2) && work < BUDGET; };
+    for (int round = 0; round < 2 || (error > enough && gains()); ++round) {
       multipliers.assign(x.begin() + 6 * body_count, x.end());
-      const bool converges = lagrangian_step(size, P, false, 10);
-      size = std::fmin(100 * size, KEEPING_RHO);
+      converges = lagrangian_step(size, P, false, 10);
+      if (converges) size = std::fmin(100 * size, KEEPING_RHO);
       if (round == 0 && converges) continue;
       polish();
       last = error;
       error = motion_bounds(ROUNDING).of_kept;  // may suffice although the step has not converged
-      if (!converges) break;
     }
-    has_kept = error <= enough;
-    if (!has_kept) {
+    if (!(error <= enough)) {
       restore(before);
       multipliers.assign(kept_velocities.size(), R{});
     }
     return error;
   }
 
-  // One step from Q = 0, with rho = size. If Newton's method does not converge from the start, raise rho step by step.
+  // One step from Q = 0, with rho = size. If Newton's method does not converge from the start, raise rho step by step, by
+  // factors with which it does.
   void solve_from_zero(double size = FIRST_RHO) {
     const std::vector<Axes> none(P.size());
     if (lagrangian_step(size, none, true, 12)) return;
-    lagrangian_step(1, none, true, 60);
-    raise(1, size, [&](double next, double) { return lagrangian_step(next, none, false, 60); });
-  }
-
-  // The first step of solve() for fast slip: solve with w scaled down, then raise w step by step. Each step starts from
-  // the last solution, with lambda scaled as w, because P hardly changes.
-  void solve_by_raising_slip() {
-    std::vector<Axes> w;
-    for (const Cone& cone : cones) w.push_back(cone.w);
-    auto slip_at = [&](double part) {
-      for (size_t i = 0; i < cones.size(); ++i)
-        for (int k = 0; k < 3; ++k) cones[i].w[k] = part * w[i][k];
-    };
-    slip_at(SLOW_SLIP / fastest);
-    solve_from_zero();
-    raise(SLOW_SLIP / fastest, 1, [&](double part, double by) {
-      const Vector y = motion();
-      for (R& one : x) one = by * one;
-      for (size_t i = 0; i < y.size(); ++i) x[i] -= (by - 1) * y[i];
-      slip_at(part);
-      return lagrangian_step(FIRST_RHO, P, false, 60);
-    });
-    slip_at(1);
-  }
-
-  // Raise a value to `greatest` by factors for which `step`, of the next value and the factor, converges.
-  template <class Step>
-  void raise(double value, double greatest, Step step) {
-    double factor = GREATEST_FACTOR;
-    for (int turn = 0; turn < MAX_STEPS && value < greatest && factor > LEAST_FACTOR && work < BUDGET; ++turn) {
+    double reached = 1, factor = GREATEST_FACTOR;
+    lagrangian_step(reached, none, true, 60);
+    for (int turn = 0; turn < MAX_STEPS && reached < size && factor > LEAST_FACTOR && work < BUDGET; ++turn) {
       const State before = state();
-      const double next = std::fmin(factor * value, greatest);
-      if (step(next, next / value)) {
-        value = next;
+      const double next = std::fmin(factor * reached, size);
+      if (lagrangian_step(next, none, false, 60)) {
+        reached = next;
         factor = std::fmin(factor * factor, GREATEST_FACTOR);
       } else {
         restore(before);
@@ -367,7 +336,6 @@ class Cones {
  private:
   template <class>
   friend class Cones;
-  bool has_kept = false;  // whether the velocities are kept to all digits
   int body_count, variables = 0;
   double rho = 1;
   double work = 0;  // multiplications so far

@@ -76,16 +76,15 @@ inline Vector nearly_least_norm(const Assembly& assembly, const Vector& p) {
 // would depend on the order of the contacts. Less: it is loaded if loads of nearly the same effect are, as the fourth
 // corner of a box whose corners are slightly off a plane. Sets the loads shared.
 inline Vector parts_in_loads(const Assembly& assembly, const std::vector<DD>& given, double greatest, Vector& shared) {
-  // Loads up to which they may be rounding: relative to the greatest, as given; to that of their bodies, once shared; and
-  // shared in doubles.
-  constexpr double UNLOADED = 0x1p-80, UNSHARED = 1e-13, UNSURE = 1e-8;
+  // Loads up to which they may be rounding: relative to the greatest, as given; and to that of their bodies, once shared.
+  constexpr double UNLOADED = 0x1p-80, UNSHARED = 1e-10;
   constexpr double LEAST = 1e-6;
   const std::vector<AssembledContact>& contacts = assembly.contacts;
   const int count = assembly.count;
   Vector most(assembly.body_count), part(count), nearly;  // most: the greatest load of each body
-  shared = rounded(given.data(), count);
-  const NullImpulses null = null_impulses(assembly);
-  if (!null.basis.empty()) minimise_norm(assembly, shared, false, null.basis);
+  std::vector<DD> precise = given;
+  least_norm(assembly, precise, false);
+  shared = rounded(precise.data(), count);
   for (int i = 0; i < count; ++i)
     for (int body : contacts[i].body)
       if (body >= 0) most[body] = std::fmax(most[body], shared[i] / contacts[i].scale);
@@ -95,14 +94,6 @@ inline Vector parts_in_loads(const Assembly& assembly, const std::vector<DD>& gi
       if (body >= 0) load = std::fmax(load, most[body]);
     return load > 0 ? load : greatest;
   };
-  bool is_sure = true;
-  for (int i = 0; i < count; ++i)
-    is_sure = is_sure && (shared[i] == given[i].h || shared[i] / contacts[i].scale > UNSURE * nearby(i));
-  if (!is_sure) {
-    std::vector<DD> precise = given;
-    minimise_norm(assembly, precise, false, null.basis);
-    shared = rounded(precise.data(), count);
-  }
   for (int i = 0; i < count; ++i) {
     part[i] = shared[i] / contacts[i].scale > (shared[i] == given[i].h ? UNLOADED * greatest : UNSHARED * nearby(i));
     if (part[i] > 0) continue;
@@ -125,7 +116,7 @@ inline double error_for_bound(const Assembly& assembly, const Vector& y, double 
   return bound * largest / worst;
 }
 
-constexpr double ACCEPTED_IN_DOUBLES = 1e-6;  // a bound on the error of an answer: no need for double-double
+constexpr double ACCEPTED_IN_DOUBLES = 9e-7;  // a bound on the error of an answer: no need for double-double
 
 // A bound on the multipliers that keep normal velocities u+ of the contacts `loaded` where all of them stick: for a
 // basis S of these, and the roots a of the diagonal of A_SS^-1,

@@ -37,11 +37,14 @@ struct NullImpulses {
   bool are_complete = true;  // whether no contact was left out because the effect of its impulses is too great
 };
 
-// Find null impulses by pivots up to `dependent`, in the digits of R. Left out are those whose effect, squared, is `most`
-// or greater.
+// Effects up to which they may be rounding, relative to those of the single impulses, which cancel; and up to which
+// refining null impulses still gains digits.
+constexpr double NO_EFFECT = 0x1p-90, LEAST_EFFECT = 0x1p-98;
+
+// Find null impulses by pivots up to `dependent`, in the digits of R, and refine them until their effects are `enough`.
+// Left out are those whose effect, squared, is `most` or greater.
 template <class R>
-NullImpulses null_impulses_in(const Assembly& assembly, double dependent, double most) {
-  constexpr double ROUNDING = 0x1p-90;  // relative to the effects of the single impulses, which cancel
+NullImpulses null_impulses_in(const Assembly& assembly, double enough, double dependent, double most) {
   constexpr int REFINEMENTS = 3;
   const int count = assembly.count;
   const std::vector<AssembledContact>& contacts = assembly.contacts;
@@ -74,8 +77,9 @@ NullImpulses null_impulses_in(const Assembly& assembly, double dependent, double
         for (int k = 0; k < 6; ++k) rounded[k] = high(twists[6 * b + k]);
         size += twist_size(assembly.bodies[b].x, rounded);
       }
-      is_exact = size <= ROUNDING * assembly.velocity_size(z.data());
-      if (is_exact || turn == REFINEMENTS) break;
+      const double terms = assembly.velocity_size(z.data());
+      is_exact = size <= NO_EFFECT * terms;
+      if (size <= enough * terms || turn == REFINEMENTS) break;
       for (size_t m = 0; m < w.size(); ++m) {
         int j = basis.members[m];
         const double change = high(assembly.velocity_change(contacts[j], twists));
@@ -98,20 +102,20 @@ NullImpulses null_impulses_in(const Assembly& assembly, double dependent, double
 
 // The impulses that do nothing, to 13 digits. In doubles, contacts of very light bodies seem to depend on each other, and
 // hide those that do.
-inline NullImpulses null_impulses(const Assembly& assembly) {
+inline NullImpulses null_impulses(const Assembly& assembly, double enough) {
   constexpr double MOST = 1e-26;
-  NullImpulses found = null_impulses_in<double>(assembly, DEPENDENT<double>, MOST);
-  return found.are_complete ? found : null_impulses_in<DD>(assembly, MOST, MOST);
+  NullImpulses found = null_impulses_in<double>(assembly, enough, DEPENDENT<double>, MOST);
+  return found.are_complete ? found : null_impulses_in<DD>(assembly, enough, MOST, MOST);
 }
 
-// Replace p by the p + Z z >= 0 of least norm. `room`: how far below 0 an impulse may come, relative to the greatest,
-// before it is set to 0.
+// Replace p by the p + Z z >= 0 of least norm.
 template <class R>
 void minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies,
-                   const std::vector<std::vector<DD>>& basis, double room = 0) {
+                   const std::vector<std::vector<DD>>& basis) {
   constexpr double ROUNDING = is_scalar<R> ? 0x1p-46 : 0x1p-88;
   const int count = assembly.count;
   std::vector<std::vector<R>> Z(basis.size(), std::vector<R>(count));
+  std::vector<std::vector<int>> used(basis.size());  // the contacts for which each of them is not 0
   std::vector<R> P(count);
   Vector weight(count), terms(count);  // terms: the sum of the sizes of what P is the sum of
   for (int i = 0; i < count; ++i) {
@@ -120,59 +124,65 @@ void minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies
     terms[i] = std::fabs(high(P[i]));
     for (size_t k = 0; k < Z.size(); ++k) Z[k][i] = weight[i] * rounded_to<R>(exact(basis[k][i]));
   }
-  for (auto z = Z.begin(); z != Z.end(); ++z) {  // make Z orthonormal: twice is enough
-    for (int turn = 0; turn < 2; ++turn)
-      for (auto before = Z.begin(); before != z; ++before) increase(*z, -dot(*z, *before), *before);
-    const R length = root(dot(*z, *z));
-    for (R& x : *z) {
-      x = x / length;
-      if (std::fabs(high(x)) < ROUNDING) x = R{};
-    }
-  }
-  auto add = [&](const R& by, const std::vector<R>& z) {
-    increase(P, by, z);
-    for (int i = 0; i < count; ++i) terms[i] += std::fabs(high(by * z[i]));
-  };
-  for (const std::vector<R>& z : Z) add(-dot(z, P), z);
-  // P + Z Z^T x >= 0, x >= 0: the dual is again a quadratic programme, scaled to a unit diagonal.
-  auto rows = [&](int i, int j) {
+  auto along = [&](const std::vector<R>& x, size_t k) {
     R sum{};
-    for (const std::vector<R>& z : Z) sum += z[i] * z[j];
+    for (int i : used[k]) sum += Z[k][i] * x[i];
     return sum;
   };
-  std::vector<R> b(count), s(count), dual(static_cast<size_t>(count) * count, constant<R>(1));
+  auto add = [&](std::vector<R>& x, const R& by, size_t k) {
+    for (int i : used[k]) x[i] += by * Z[k][i];
+  };
+  for (size_t k = 0; k < Z.size(); ++k) {  // make Z orthonormal: twice is enough
+    for (int turn = 0; turn < 2; ++turn)
+      for (size_t before = 0; before < k; ++before) add(Z[k], -along(Z[k], before), before);
+    const R length = root(dot(Z[k], Z[k]));
+    for (int i = 0; i < count; ++i) {
+      R& x = Z[k][i];
+      x = x / length;
+      if (std::fabs(high(x)) < ROUNDING) x = R{};
+      else used[k].push_back(i);
+    }
+  }
+  auto add_to_P = [&](const R& by, size_t k) {
+    add(P, by, k);
+    for (int i : used[k]) terms[i] += std::fabs(high(by * Z[k][i]));
+  };
+  for (size_t k = 0; k < Z.size(); ++k) add_to_P(-along(P, k), k);
+  // P + Z Z^T x >= 0, x >= 0: the dual is again a quadratic programme, scaled to a unit diagonal.
+  std::vector<R> b(count), s(count), dual(static_cast<size_t>(count) * count);
+  for (size_t k = 0; k < Z.size(); ++k)
+    for (int i : used[k])
+      for (int j : used[k]) dual[i * count + j] += Z[k][i] * Z[k][j];
   std::vector<int> among;
   double greatest = 0;
   for (int i = 0; i < count; ++i) {
     greatest = std::fmax(greatest, std::fabs(high(P[i])));
-    const R square = rows(i, i);
+    const R square = dual[i * count + i];
     if (!(high(square) > (is_scalar<R> ? 1e-20 : 1e-40))) continue;
     s[i] = constant<R>(1) / root(square);
     among.push_back(i);
   }
   for (int i : among)
-    for (int j : among)
-      if (i != j) dual[i * count + j] = rows(i, j) * s[i] * s[j];
+    for (int j : among) dual[i * count + j] = i == j ? constant<R>(1) : dual[i * count + j] * s[i] * s[j];
   auto with_room = [&](double least) {
     for (int i : among) b[i] = (P[i] + least * greatest) * s[i];
     return minimise(dual, b, among);
   };
-  Minimum<R> solved = with_room(room);
-  // Where impulses are just 0, rounding may leave no solution without some room.
-  if (solved.status != MinimumStatus::FOUND) solved = with_room(std::fmax(room, is_scalar<R> ? 1e-13 : 1e-24));
+  Minimum<R> solved = with_room(0);
+  // Where impulses are just 0, rounding may leave no solution without some room below 0.
+  for (double room : {1e-24, 1e-18, 1e-13, 1e-9})
+    if (room > ROUNDING && solved.status != MinimumStatus::FOUND) solved = with_room(room);
   if (solved.status != MinimumStatus::FOUND) return;
-  const std::vector<R>& x = solved.x;
-  for (const std::vector<R>& z : Z) {
-    R along{};
-    for (int i : among) along += z[i] * x[i] * s[i];
-    add(along, z);
-  }
+  std::vector<R> x(count);
+  for (int i : among) x[i] = solved.x[i] * s[i];
+  for (size_t k = 0; k < Z.size(); ++k) add_to_P(along(x, k), k);
   for (int i = 0; i < count; ++i) p[i] = high(x[i]) > 0 || high(P[i]) <= ROUNDING * terms[i] ? R{} : P[i] / weight[i];
 }
 
 // Replace p by the impulses >= 0 of the same effect with the least sum of n.n p^2, over all copies of contacts if
 // `over_copies`.
-inline void least_norm(const Assembly& assembly, Vector& p, bool over_copies) {
-  NullImpulses found = null_impulses(assembly);
+template <class R>
+void least_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies) {
+  const NullImpulses found = null_impulses(assembly, is_scalar<R> ? NO_EFFECT : LEAST_EFFECT);
   if (!found.basis.empty()) minimise_norm(assembly, p, over_copies, found.basis);
 }

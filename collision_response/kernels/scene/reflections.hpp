@@ -78,9 +78,10 @@ struct Reflections {
   double joined_restitution(const Projection& first, double& error) const {
     const std::vector<DD>& q = first.q;
     error = 0;
-    double least, most;
+    double most;
     auto are_equal = [&](const std::vector<int>& among) {
-      least = 1, most = 0;
+      double least = 1;
+      most = 0;
       for (int i : among) {
         const AssembledContact& contact = assembly.contacts[i];
         if (!(high(contact.velocity) < 0)) continue;
@@ -95,8 +96,8 @@ struct Reflections {
     for (int i = 0; i < assembly.count; ++i)
       if (!(high(after[i]) > width(after[i]) + first.error / assembly.contacts[i].scale)) pressed.push_back(i);
     if (are_equal(pressed)) return most;
-    Vector shared = rounded(q.data(), assembly.count);
-    const NullImpulses null = null_impulses(assembly);
+    std::vector<DD> shared = q;
+    const NullImpulses null = null_impulses(assembly, LEAST_EFFECT);
     const std::vector<std::vector<DD>>& Z = null.basis;
     const bool is_unique = Z.empty();
     if (!is_unique) minimise_norm(assembly, shared, false, Z);
@@ -113,7 +114,7 @@ struct Reflections {
       const AssembledContact& contact = assembly.contacts[i];
       if (!(high(contact.velocity) < 0)) continue;
       const N& u = contact.velocity;
-      const DD p = is_unique ? q[i] : DD{shared[i], 0};
+      const DD& p = shared[i];
       N work = N{{u.value.h / unit, u.value.l / unit}, u.error / unit} * exact(DD{p.h / load, p.l / load});
       above = above + work * exact(contact.e);
       below = below + work;
@@ -145,8 +146,7 @@ struct Reflections {
       }
       if (size > 0) doubt += std::fabs(work) / size * (greatest / load) / -high(below);
     }
-    // The least norm is computed in doubles.
-    error = width(e) + doubt + (is_unique ? 0x1p-53 : 0x1p-36 * (most - least));
+    error = width(e) + doubt + 0x1p-53;
     // These digits do not tell which contacts carry the load; fractions may.
     if ((depends && is_unique) || doubt > 0x1p-30) error = INFINITY;
     return std::fmin(std::fmax(high(e), 0), 1);

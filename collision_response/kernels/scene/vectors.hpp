@@ -21,9 +21,20 @@ INLINE DD& operator-=(DD& a, const DD& b) { return a = a - b; }
 inline double length_of(double a, double b) { return std::hypot(a, b); }
 inline DD length_of(const DD& a, const DD& b) { return root(a * a + b * b); }
 
+// In four sums, which processors compute side by side.
+template <class R>
+INLINE R dot(const R* a, const R* b, size_t count) {
+  R sum{}, sums[4]{};
+  size_t k = 0;
+  for (; k + 4 <= count; k += 4)
+    for (size_t l = 0; l < 4; ++l) sums[l] = sums[l] + a[k + l] * b[k + l];
+  if (k > 0) sum = (sums[0] + sums[1]) + (sums[2] + sums[3]);
+  for (; k < count; ++k) sum = sum + a[k] * b[k];
+  return sum;
+}
 template <class R>
 R dot(const std::vector<R>& a, const std::vector<R>& b) {
-  return std::inner_product(a.begin(), a.end(), b.begin(), R{});
+  return dot(a.data(), b.data(), a.size());
 }
 template <class R>
 std::array<R, 3> cross(const R* a, const R* b) {
@@ -31,7 +42,7 @@ std::array<R, 3> cross(const R* a, const R* b) {
 }
 
 // y += by x
-template <class R, class By>
-void increase(std::vector<R>& y, const By& by, const std::vector<R>& x) {
+template <class R>
+void increase(std::vector<R>& y, double by, const std::vector<R>& x) {
   for (size_t i = 0; i < y.size(); ++i) y[i] += by * x[i];
 }
