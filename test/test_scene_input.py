@@ -236,6 +236,19 @@ def test_restitution_too_small_for_stronge_is_refused():
         resolve_scene(*box(e=0.01), ImpactModel(Law.ROUTH_STRONGE))
 
 
+@pytest.mark.parametrize("e", [0.5, lambda speed: 0.5])
+def test_an_approach_too_slow_for_stronge_is_refused_by_its_reason(e):
+    bodies, pairs, contacts = box()
+    contacts[1:] = [contact._replace(restitution=e) for contact in contacts[1:]]
+    model = ImpactModel(Law.ROUTH_STRONGE, restitution_threshold=10.0)
+    field = "contacts[0].restitution"
+    with refused(StatusCode.PATH_TOO_LONG, field, match="slower than restitution_threshold"):
+        resolve_scene(bodies, pairs, contacts, model)
+    contacts[0] = contacts[0]._replace(restitution=0.0)
+    with refused(StatusCode.PATH_TOO_LONG, field, match=r"is 0\.0$"):
+        resolve_scene(bodies, pairs, contacts, model)
+
+
 def test_fractions_are_for_rational_laws():
     with refused(StatusCode.INVALID_MODEL, "model.law"):
         resolve_scene(*box(mu=F(1, 3), number=F))

@@ -45,7 +45,7 @@ def resolve_cluster(scene: SceneRequest, distinct: DistinctContacts, options: Sc
         result = resolve_in_kernels(cluster, parts, options, law)
         if result.code == StatusCode.UNSET:
             result = decide(cluster, parts, options, has_friction=has_friction)
-    _check_result(result, parts)
+    _check_result(result, parts, scene if below_restitution_threshold else None)
     if result.fell_back:
         law = Law.COULOMB if has_friction else Law.FRICTIONLESS
     e, contacts, effect = result.restitution, parts.contacts, result.effect
@@ -78,16 +78,22 @@ def resolve_cluster(scene: SceneRequest, distinct: DistinctContacts, options: Sc
     )
 
 
-def _check_result(result: ClusterResult, parts: ClusterParts) -> None:
-    """Raises: ImpactError: if a law has no answer."""
+def _check_result(result: ClusterResult, parts: ClusterParts, slow: SceneRequest | None) -> None:
+    """Check that a law has an answer. ``slow``: the request, if some approach is below the threshold.
+
+    Raises:
+        ImpactError: if it has none.
+    """
     code = result.code
     if code == StatusCode.CONTRADICTORY_CONTACTS:
         raise contradiction()
     if code == StatusCode.PATH_TOO_LONG:
         field, reason = "contacts", result.fault
         if result.faulty >= 0:
-            e = parts.contacts[result.faulty].restitution
-            field, reason = f"contacts[{parts.indices[result.faulty]}].restitution", f"{reason}, is {e}"
+            i, e = parts.indices[result.faulty], parts.contacts[result.faulty].restitution
+            field, reason = f"contacts[{i}].restitution", f"{reason}, is {e}"
+            if slow and e == 0 and slow.contacts[i].restitution != 0:
+                reason += " because the approach is slower than restitution_threshold"
         raise ImpactError(StatusCode.PATH_TOO_LONG, field, reason)
     if code != StatusCode.OK:
         raise library.refusal(code)
