@@ -484,6 +484,20 @@ def test_a_box_that_falls_flat_without_slip_sticks_with_all_corners(e, mu):
             assert impulse == pytest.approx((0, 0, (1 + e) / 4), abs=1e-9)
 
 
+@pytest.mark.parametrize("mu", [0.05, 0.1, 0.3, 0.5, 1.0, 1.5, 3.0])
+@pytest.mark.parametrize("e", [0.0, 0.3, 0.5, 0.8])
+@pytest.mark.parametrize("speed", [0.1, 1.0, 3.0])
+@pytest.mark.parametrize("radius", [0.0, 0.5])
+def test_a_body_that_slides_along_the_floor_rebounds_from_a_wall(radius, speed, e, mu):
+    """MOREAU has this solution for any friction. Great friction has others, in which the contacts lock."""
+    body = Body.sphere(1.0, radius, velocity=(speed, 0, 0))
+    contacts = [Contact.of((0, 0, -radius), (0, 0, 1), e, mu), Contact.of((radius, 0, 0), (-1, 0, 0), e, mu)]
+    answer = Scene([body, Body.static()], [(0, 1)] * 2, contacts).resolve(Law.MOREAU)
+    assert Adjustment.LAW_FALLBACK not in answer.adjustments
+    off = math.dist(answer.twists[0].linear, (-e * speed, 0, 0)) / ((1 + e) * speed)
+    assert off <= min(answer.error_bound, 1e-5)  # the bound is infinite if contacts nearly lock
+
+
 @pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
 def test_units_change_no_answer_beyond_its_bound(law):
     """Twice the mass, whose root is rounded, and another unit of speed, of which springs take a root."""
