@@ -175,7 +175,7 @@ Minimum<R> minimise(const std::vector<R>& A, const std::vector<R>& b, const std:
   std::vector<R>& x = result.x;
   std::vector<R> y;
   size_t n = among.size();
-  std::vector<int> coupled;  // for each of them, those that it is coupled with
+  std::vector<int> coupled;  // for each of `among`, those that it is coupled with
   std::vector<size_t> end;
   coupled.reserve(8 * n);
   end.reserve(n);

@@ -62,7 +62,7 @@ class Cones {
     double load;  // the impulse without friction, relative to the greatest
 
     double give() const { return part < 1 ? GIVE / (part * part * part * part) : 0; }
-    // Whether it touches a body that has little part in n.K n.
+    // Whether it touches a body that has less than a thousandth part in n.K n.
     bool has_heavy_body() const {
       for (int side = 0; side < 2; ++side) {
         double square = 0;
@@ -76,7 +76,8 @@ class Cones {
   Vector kept_velocities;  // c, for each cone; or empty
   double enough = 5e-7;  // error of y: no further rounds are needed, nor steps at a tenth of it
   std::vector<Axes> P, z;  // z: w + B eta
-  // lambda where all contacts stick, at most; empty where no body is heavy. It makes velocities count that are not kept.
+  // A bound on lambda where all contacts stick; empty where no body is heavy. With it, sigma is FIRM_SIGMA, and the error
+  // is that from the minimum with N y = c.
   std::vector<double> sticking;
 
   explicit Cones(int body_count) : body_count(body_count) {}

@@ -21,7 +21,7 @@ INLINE DD& operator-=(DD& a, const DD& b) { return a = a - b; }
 inline double length_of(double a, double b) { return std::hypot(a, b); }
 inline DD length_of(const DD& a, const DD& b) { return root(a * a + b * b); }
 
-// In four sums, which processors compute side by side.
+// The inner product, in four sums, which processors compute side by side.
 template <class R>
 INLINE R dot(const R* a, const R* b, size_t count) {
   R sum{}, sums[4]{};
