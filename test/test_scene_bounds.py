@@ -141,6 +141,18 @@ def test_contacts_of_different_restitution_share_a_load_to_all_digits(restitutio
     assert_within_bound(scene, answer, scene.in_fractions().resolve(Law.FRICTIONLESS))
 
 
+@pytest.mark.parametrize("off", [1e-12, 1e-11, 1e-10])
+@pytest.mark.parametrize("seed", range(8))
+def test_rounding_at_a_nearly_copied_contact_does_not_keep_loads_from_being_shared(seed, off):
+    body = Body.box(1e-6, (1, 1, 1), position=(0, 0, 0.5), velocity=(0, 0.5, -1e-9))
+    lift = Body.kinematic((0, 0, 0), (0, 0, 0.5), (0, 0, 1))
+    contacts = [Contact.of((x, y, 0), (0, 0, 1), 0.5 * (x == y == 0.5)) for x, y in CORNERS]
+    contacts.append(Contact.of((-0.5, -0.5, 0), (0, off, 1), 0.0))
+    scene, _ = shuffled(Scene([body, lift], [(0, 1)] * 5, contacts), seed)
+    answer = scene.resolve(Law.FRICTIONLESS)
+    assert_within_bound(scene, answer, scene.in_fractions().resolve(Law.FRICTIONLESS))
+
+
 @pytest.mark.parametrize("e", [0.0, 0.5])
 @pytest.mark.parametrize("mu", [0.1, 0.5])
 @pytest.mark.parametrize("count", [2, 3])

@@ -108,12 +108,15 @@ inline NullImpulses null_impulses(const Assembly& assembly, double enough) {
   return found.are_complete ? found : null_impulses_in<DD>(assembly, enough, MOST, MOST);
 }
 
-// Replace p by the p + Z z >= 0 of least norm.
+// Replace p by the p + Z z >= 0 of least norm. Whether it is known to all digits: where components of Z are so small that
+// they may be rounding, they must not keep p from changing.
 template <class R>
-void minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies,
+bool minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies,
                    const std::vector<std::vector<DD>>& basis) {
   constexpr double ROUNDING = is_scalar<R> ? 0x1p-46 : 0x1p-88;
+  constexpr double SMALL = is_scalar<R> ? 1e-10 : 1e-14;
   const int count = assembly.count;
+  bool is_known = true;
   std::vector<std::vector<R>> Z(basis.size(), std::vector<R>(count));
   std::vector<std::vector<int>> used(basis.size());  // the contacts for which each of them is not 0
   std::vector<R> P(count);
@@ -158,7 +161,10 @@ void minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies
   for (int i = 0; i < count; ++i) {
     greatest = std::fmax(greatest, std::fabs(high(P[i])));
     const R square = dual[i * count + i];
-    if (!(high(square) > (is_scalar<R> ? 1e-20 : 1e-40))) continue;
+    if (!(high(square) > SMALL * SMALL)) {
+      is_known = is_known && high(square) == 0;
+      continue;
+    }
     s[i] = constant<R>(1) / root(square);
     among.push_back(i);
   }
@@ -172,11 +178,12 @@ void minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies
   // Where impulses are just 0, rounding may leave no solution without some room below 0.
   for (double room : {1e-24, 1e-18, 1e-13, 1e-9})
     if (room > ROUNDING && solved.status != MinimumStatus::FOUND) solved = with_room(room);
-  if (solved.status != MinimumStatus::FOUND) return;
+  if (solved.status != MinimumStatus::FOUND) return false;
   std::vector<R> x(count);
   for (int i : among) x[i] = solved.x[i] * s[i];
   for (size_t k = 0; k < Z.size(); ++k) add_to_P(along(x, k), k);
   for (int i = 0; i < count; ++i) p[i] = high(x[i]) > 0 || high(P[i]) <= ROUNDING * terms[i] ? R{} : P[i] / weight[i];
+  return is_known;
 }
 
 // Replace p by the impulses >= 0 of the same effect with the least sum of n.n p^2, over all copies of contacts if

@@ -98,85 +98,12 @@ inline double shift_error(Cones<double> programme, const Vector& start, const Ve
   return INFINITY;
 }
 
-// Set w of the normals from those without shifts.
-inline void set_shifts(Cones<double>& programme, const Vector& start, const Vector& shift) {
-  for (size_t i = 0; i < start.size(); ++i) programme.cones[i].w[0] = start[i] + shift[i];
-}
-
-// Update the shifts until they no longer change. Returns the last change.
-inline double settle(Cones<double>& programme, const Vector& start, Vector& shift) {
-  constexpr int ROUNDS = 300;
-  constexpr double SETTLED = 1e-12;
-  set_shifts(programme, start, shift);
-  programme.solve_from_zero();
-  programme.polish();
-  Vector step, last_step, last_shift;
-  double change = INFINITY, last_change = INFINITY;
-  for (int round = 0; round < ROUNDS && change > SETTLED && programme.multiplications() < MOREAU_BUDGET; ++round) {
-    const Vector found = shifts_of(programme);
-    step = found;
-    increase(step, -1, shift);
-    change = distance(found, shift);
-    // Where the shifts settle slowly, a secant step from the last two rounds (Anderson 1965). Elsewhere that would
-    // magnify rounding.
-    Vector by;
-    if (round > 0) {
-      by = step;
-      increase(by, -1, last_step);
-    }
-    bool is_slow = change > 0.9 * last_change;
-    last_change = change;
-    double square = dot(by, by),
-           leap = is_slow && square > 0 ? std::fmin(std::fmax(dot(by, step) / square, -20), 0.5) : 0;
-    for (size_t i = 0; i < shift.size(); ++i)
-      shift[i] = std::fmax(round > 0 ? found[i] - leap * (found[i] - last_shift[i]) : found[i], 0);
-    set_shifts(programme, start, shift);
-    last_shift = found;
-    last_step = step;
-    if (!programme.lagrangian_step(programme.FIRST_RHO, programme.P, false, 60)) programme.solve_from_zero();
-    programme.polish();
-  }
-  return change;
-}
-
-// A solution: the programme with its shifts.
-struct Settled {
-  Cones<double> programme;
-  Vector shift;
-  double change;  // of the shifts, by one more round
-  double motion_error;
-  bool is_solution;
-};
-
-inline Settled find_solution(Cones<double> programme, const Vector& start, Vector shift) {
-  constexpr double SOLVED = 1e-4;  // bound on the error of the velocities: mostly far too large, if they are a solution
-  constexpr double SMALLER = 1e-9;  // by which shifts are reduced for more friction
-  double change = settle(programme, start, shift);
-  // If a load can be shared in several ways, take the one with the most friction, if that can be found as exactly.
-  Cones<double> with_most_friction = programme;
-  Vector smaller = shift;
-  for (double& s : smaller) s *= 1 - SMALLER;
-  set_shifts(with_most_friction, start, smaller);
-  double motion_error = with_most_friction.solve();
-  bool is_solved = true;
-  if (const double off = distance(shifts_of(with_most_friction), smaller); off <= 10 * SMALLER) {
-    programme = std::move(with_most_friction);
-    shift = std::move(smaller);
-    change = off;
-  } else {
-    motion_error = programme.motion_error();
-    is_solved = motion_error <= SOLVED;
-  }
-  // Relative to the fastest contact, and to the greatest impulse, which is small where a light body strikes a heavy
-  // one.
-  double greatest = 0;
-  for (const Axes& one : programme.P) greatest = std::fmax(greatest, one[0]);
-  is_solved = is_solved && change <= std::fmin(10 * SMALLER, 1e-4 * greatest);
-  return {std::move(programme), std::move(shift), change, motion_error, is_solved};
-}
-
 // The impulses of MOREAU with friction, in doubles.
 inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
+  constexpr int ROUNDS = 300;
+  constexpr double SETTLED = 1e-12;  // change of the shifts
+  constexpr double SOLVED = 1e-4;  // bound on the error of the velocities: mostly far too large, if they are a solution
+  constexpr double SMALLER = 1e-9;  // by which shifts are reduced for more friction
   int count = assembly.count;
   std::vector<Axes> P(count);
   double mean = 0, speed = 0;
@@ -200,22 +127,60 @@ inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
     programme.cones.push_back(cone);
   }
   programme.prepare();
-  Settled found = find_solution(programme, start, Vector(count));
-  if (!found.is_solution && found.programme.multiplications() < MOREAU_BUDGET) {
-    // Friction may lock contacts by ever greater impulses where they could as well move apart: start from the motion
-    // without it.
-    Cones<double> smooth = programme;
-    for (auto& cone : smooth.cones) cone.mu = 0;
-    smooth.solve_from_zero();
-    Vector shift;
-    for (int i = 0; i < count; ++i) shift.push_back(programme.cones[i].mu * std::hypot(smooth.z[i][1], smooth.z[i][2]));
-    found = find_solution(programme, start, shift);
+  programme.solve_from_zero();
+  programme.polish();
+  auto set_shifts = [&](Cones<double>& of, const Vector& shift) {
+    for (int i = 0; i < count; ++i) of.cones[i].w[0] = start[i] + shift[i];
+  };
+  Vector shift(count), step, last_step, last_shift;
+  double change = INFINITY, last_change = INFINITY;
+  for (int round = 0; round < ROUNDS && change > SETTLED && programme.multiplications() < MOREAU_BUDGET; ++round) {
+    const Vector found = shifts_of(programme);
+    step = found;
+    increase(step, -1, shift);
+    change = distance(found, shift);
+    // Where the shifts settle slowly, a secant step from the last two rounds (Anderson 1965). Elsewhere that would
+    // magnify rounding.
+    Vector by;
+    if (round > 0) {
+      by = step;
+      increase(by, -1, last_step);
+    }
+    bool is_slow = change > 0.9 * last_change;
+    last_change = change;
+    double square = dot(by, by),
+           leap = is_slow && square > 0 ? std::fmin(std::fmax(dot(by, step) / square, -20), 0.5) : 0;
+    for (int i = 0; i < count; ++i)
+      shift[i] = std::fmax(round > 0 ? found[i] - leap * (found[i] - last_shift[i]) : found[i], 0);
+    set_shifts(programme, shift);
+    last_shift = found;
+    last_step = step;
+    if (!programme.lagrangian_step(programme.FIRST_RHO, programme.P, false, 60)) programme.solve_from_zero();
+    programme.polish();
   }
-  if (!found.is_solution) return {false};
-  for (int i = 0; i < count; ++i) P[i] = in_newton_seconds(found.programme.P[i], assembly.contacts[i], speed);
-  const double of_shifts = assembly.is_locked ? INFINITY
-                                              : shift_error(found.programme, start, found.shift, found.change);
-  return with_axis_impulses({true, {}, speed * (found.motion_error + of_shifts)}, assembly, P);
+  // If a load can be shared in several ways, take the one with the most friction, if that can be found as exactly.
+  Cones<double> with_most_friction = programme;
+  Vector smaller = shift;
+  for (double& s : smaller) s *= 1 - SMALLER;
+  set_shifts(with_most_friction, smaller);
+  double motion_error = with_most_friction.solve();
+  if (const double off = distance(shifts_of(with_most_friction), smaller); off <= 10 * SMALLER) {
+    programme = std::move(with_most_friction);
+    shift = smaller;
+    change = off;
+  } else {
+    motion_error = programme.motion_error();
+    if (motion_error > SOLVED) return {false};
+  }
+  // Relative to the fastest contact, and to the greatest impulse, which is small where a light body strikes a heavy
+  // one.
+  double greatest = 0;
+  for (const Axes& one : programme.P) greatest = std::fmax(greatest, one[0]);
+  if (!(change <= std::fmin(10 * SMALLER, 1e-4 * greatest))) return {false};
+  for (int i = 0; i < count; ++i) P[i] = in_newton_seconds(programme.P[i], assembly.contacts[i], speed);
+  double error =
+      speed * (motion_error + (assembly.is_locked ? INFINITY : shift_error(programme, start, shift, change)));
+  return with_axis_impulses({true, {}, error}, assembly, P);
 }
 
 // The impulses of MOREAU; without friction, in double-double.

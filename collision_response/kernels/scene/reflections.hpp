@@ -78,10 +78,9 @@ struct Reflections {
   double joined_restitution(const Projection& first, double& error) const {
     const std::vector<DD>& q = first.q;
     error = 0;
-    double most;
+    double least, most;
     auto are_equal = [&](const std::vector<int>& among) {
-      double least = 1;
-      most = 0;
+      least = 1, most = 0;
       for (int i : among) {
         const AssembledContact& contact = assembly.contacts[i];
         if (!(high(contact.velocity) < 0)) continue;
@@ -100,7 +99,7 @@ struct Reflections {
     const NullImpulses null = null_impulses(assembly, LEAST_EFFECT);
     const std::vector<std::vector<DD>>& Z = null.basis;
     const bool is_unique = Z.empty();
-    if (!is_unique) minimise_norm(assembly, shared, false, Z);
+    const bool is_known = is_unique || minimise_norm(assembly, shared, false, Z);
     // In units near the greatest, because the works may be out of the range of doubles.
     double fastest = 0, greatest = 0;
     for (int i = 0; i < assembly.count; ++i) {
@@ -146,7 +145,7 @@ struct Reflections {
       }
       if (size > 0) doubt += std::fabs(work) / size * (greatest / load) / -high(below);
     }
-    error = width(e) + doubt + 0x1p-53;
+    error = width(e) + doubt + (is_known ? 0x1p-53 : 0x1p-36 * (most - least));
     // These digits do not tell which contacts carry the load; fractions may.
     if ((depends && is_unique) || doubt > 0x1p-30) error = INFINITY;
     return std::fmin(std::fmax(high(e), 0), 1);
