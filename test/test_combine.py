@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
+pytest.importorskip("mpmath")
+pytest.importorskip("yaml")
+
 from mpmath import mp, mpf
 
 from collision_response.numbers.operations import square_root
 from collision_response.physics.combine import CombineRule, combine
-
-pytest.importorskip("mpmath")
-pytest.importorskip("yaml")
 
 coefficients = st.just(0.0) | st.floats(1e-100, 1)
 every_rule = pytest.mark.parametrize("rule", CombineRule)

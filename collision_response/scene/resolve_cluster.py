@@ -9,6 +9,7 @@ from ..geometry import suffices
 from ..in_python.request_numbers import body_as_fractions, contact_as_fractions
 from ..kernels import library
 from ..model import Adjustment, Geometry, ImpactModel, Precision
+from ..physics.contact import Contact
 from ..physics.laws import CLUSTER_LAWS, Law
 from ..status import ImpactError, StatusCode
 from .assemble import ClusterParts, assemble
@@ -45,7 +46,7 @@ def resolve_cluster(scene: SceneRequest, distinct: DistinctContacts, options: Sc
         result = resolve_in_kernels(cluster, parts, options, law)
         if result.code == StatusCode.UNSET:
             result = decide(cluster, parts, options, has_friction=has_friction)
-    _check_result(result, parts, scene if below_restitution_threshold else None)
+    _check_result(result, parts, scene.contacts, below_restitution_threshold)
     if result.fell_back:
         law = Law.COULOMB if has_friction else Law.FRICTIONLESS
     e, contacts, effect = result.restitution, parts.contacts, result.effect
@@ -78,12 +79,10 @@ def resolve_cluster(scene: SceneRequest, distinct: DistinctContacts, options: Sc
     )
 
 
-def _check_result(result: ClusterResult, parts: ClusterParts, slow: SceneRequest | None) -> None:
-    """Check that a law has an answer. ``slow``: the request, if some approach is below the threshold.
-
-    Raises:
-        ImpactError: if it has none.
-    """
+def _check_result(
+    result: ClusterResult, parts: ClusterParts, given: Sequence[Contact], below_restitution_threshold: bool
+) -> None:
+    """Raises: ImpactError: if a law has no answer."""
     code = result.code
     if code == StatusCode.CONTRADICTORY_CONTACTS:
         raise contradiction()
@@ -92,7 +91,7 @@ def _check_result(result: ClusterResult, parts: ClusterParts, slow: SceneRequest
         if result.faulty >= 0:
             i, e = parts.indices[result.faulty], parts.contacts[result.faulty].restitution
             field, reason = f"contacts[{i}].restitution", f"{reason}, is {e}"
-            if slow and e == 0 and slow.contacts[i].restitution != 0:
+            if below_restitution_threshold and e == 0 and given[i].restitution != 0:
                 reason += " because the approach is slower than restitution_threshold"
         raise ImpactError(StatusCode.PATH_TOO_LONG, field, reason)
     if code != StatusCode.OK:

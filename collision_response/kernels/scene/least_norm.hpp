@@ -32,7 +32,6 @@ struct Effects {
 // Impulses that do next to nothing: a basis, with one for each contact that depends on others.
 struct NullImpulses {
   std::vector<std::vector<DD>> basis;
-  double effect = 0;  // the sum of their effects, known to doubles
   bool are_exact = true;  // whether they do nothing in double-double either
   bool are_complete = true;  // whether no contact was left out because the effect of its impulses is too great
 };
@@ -94,7 +93,6 @@ NullImpulses null_impulses_in(const Assembly& assembly, double enough, double de
       continue;
     }
     found.basis.push_back(std::move(z));
-    found.effect += std::sqrt(std::fabs(square));
     found.are_exact = found.are_exact && is_exact;
   }
   return found;
@@ -108,8 +106,8 @@ inline NullImpulses null_impulses(const Assembly& assembly, double enough) {
   return found.are_complete ? found : null_impulses_in<DD>(assembly, enough, MOST, MOST);
 }
 
-// Replace p by the p + Z z >= 0 of least norm. Whether it is known to all digits: where components of Z are so small that
-// they may be rounding, they must not keep p from changing.
+// Replace p by the p + Z z >= 0 of least norm. Returns whether that is known to all digits: components of Z up to SMALL
+// may be rounding, and do not keep p from changing.
 template <class R>
 bool minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies,
                    const std::vector<std::vector<DD>>& basis) {
