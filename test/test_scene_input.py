@@ -597,6 +597,17 @@ def test_a_repeated_contact_shares_its_impulse():
     assert answer.twists[0] == one.twist_a
 
 
+def test_a_contact_does_not_change_the_model_of_the_scene():
+    bodies = [BALL, BALL._replace(position=Vec3(9.0, 0.0, 0.0)), FLOOR]
+    contacts = [
+        UP._replace(friction=0.5, tangential_restitution=0.5),
+        UP._replace(position=Vec3(9.0, 0.0, 0.0)),
+    ]
+    for order in ([0, 1], [1, 0]):
+        answer = resolve_scene(bodies, [(i, 2) for i in order], [contacts[i] for i in order])
+        assert answer.model.tangential_restitution == 0.0
+
+
 TURNING = box((1.0, 0.5, -1.0), (3.0, 2.0, 1.0), e=0.9, mu=0.4)
 AND_A_BALL = TURNING._replace(bodies=[*TURNING.bodies, BALL])
 SMOOTH = AND_A_BALL.with_contacts(friction=0.0)

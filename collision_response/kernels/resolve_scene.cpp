@@ -60,25 +60,24 @@ PyObject* resolve_clusters(PyObject*, PyObject* args) {
   for (int i = 0; i < RESULTS; ++i) open = open && (i == CLUSTER || result[i].open(PyTuple_GET_ITEM(results, i), true));
   if (!open) return PyErr_Format(PyExc_TypeError, "resolve_clusters(): arrays must be contiguous");
   long n = static_cast<long>(contacts.view.shape[1]);
-  auto doubles = [&result](int field) { return result[field].at<double>(); };
-  TableClusters clusters{table_layouts[layout],
-                         bodies.at<double>(),
-                         contacts.at<double>(),
-                         {pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, bodies.view.shape[1]},
-                         n,
-                         static_cast<long>(contacts.view.shape[0]),
-                         order.at<std::int64_t>(),
-                         starts.at<std::int64_t>(),
-                         options,
-                         bound_limit,
-                         doubles(VELOCITY),
-                         doubles(ANGULAR_VELOCITY),
-                         doubles(IMPULSE),
-                         result[REGIME].at<unsigned char>(),
-                         result[STATUS].at<unsigned char>(),
-                         doubles(ERROR_BOUND),
-                         doubles(MARGIN),
-                         {doubles(ENERGIES), doubles(ENERGIES + 1), doubles(ENERGIES + 2), doubles(ENERGIES + 3)}};
+  TableClusters clusters{table_layouts[layout]};
+  clusters.bodies = bodies.at<double>();
+  clusters.contacts = contacts.at<double>();
+  clusters.pairs = {pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, bodies.view.shape[1]};
+  clusters.count = n;
+  clusters.rows = static_cast<long>(contacts.view.shape[0]);
+  clusters.order = order.at<std::int64_t>();
+  clusters.starts = starts.at<std::int64_t>();
+  clusters.options = options;
+  clusters.limit = bound_limit;
+  clusters.velocity = result[VELOCITY].at<double>();
+  clusters.angular_velocity = result[ANGULAR_VELOCITY].at<double>();
+  clusters.impulse = result[IMPULSE].at<double>();
+  clusters.regime = result[REGIME].at<unsigned char>();
+  clusters.status = result[STATUS].at<unsigned char>();
+  clusters.error_bound = result[ERROR_BOUND].at<double>();
+  clusters.margin = result[MARGIN].at<double>();
+  for (int i = 0; i < 4; ++i) clusters.energy[i] = result[ENERGIES + i].at<double>();
   {
     ReleasedGil released;
     for (long i = from; i < to; ++i) clusters.resolve(wanted.at<std::int64_t>()[i]);

@@ -132,7 +132,7 @@ class RationalCluster:
         q = self.least_norm(q, over_copies=False)
         weights = [min(u, ZERO) * x for u, x in zip(self._u, q, strict=True)]
         total = sum(weights)
-        if total == 0:
+        if total == 0:  # only contacts that hold approach
             return ZERO
         return sum(w * c.restitution for w, c in zip(weights, self._contacts, strict=True)) / total
 

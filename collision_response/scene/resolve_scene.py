@@ -199,32 +199,22 @@ def _combine(
     changes = [UNCHANGED] * len(scene.bodies)
     rows: list[Any] = [None] * len(scene.contacts)
     energies: Sequence[Scalar] = [Fraction(0) if options.exact else 0.0] * 4
-    bound, margin, adjustments, law = 0.0, math.inf, 0, options.law
-    model = None
+    bound, margin, adjustments = 0.0, math.inf, 0
     for cluster, answer in zip(clusters, answers, strict=True):
         for place, change, twist in zip(answer.bodies, answer.changes, answer.twists, strict=True):
             changes[place], twists[place] = change, twist
-        for i, row in zip(
-            cluster,
-            zip(
-                answer.contacts,
-                answer.impulses,
-                answer.normal_velocities_before,
-                answer.normal_velocities_after,
-                answer.regimes,
-                strict=True,
-            ),
-            strict=True,
-        ):
+        columns = (
+            answer.contacts,
+            answer.impulses,
+            answer.normal_velocities_before,
+            answer.normal_velocities_after,
+            answer.regimes,
+        )
+        for i, *row in zip(cluster, *columns, strict=True):
             rows[i] = row
         energies = list(map(operator.add, energies, answer.energies))
         bound, margin = max(bound, answer.error_bound), min(margin, answer.decision_margin)
         adjustments |= answer.adjustments
-        if answer.adjustments & FELL_BACK and law is options.law:
-            law = answer.model.law
-        model = answer.model if model is None else _most_exact(model, answer.model)
-    if model is None:
-        model = ImpactModel(law, Geometry.SPATIAL, Precision.DOUBLE, *options.model[3:])
     for i, given in enumerate(scene.bodies):
         if twists[i] is None:  # it has no contact, or is immovable
             body = _read_body(i, given, options.exact)
@@ -241,7 +231,7 @@ def _combine(
         status = StatusCode.SEPARATING
     return SceneImpact(
         status=status,
-        model=model if model.law is law else model._replace(law=law),
+        model=_model_used(options, answers),
         contacts=contacts,
         twists=tuple(twists),
         changes=tuple(changes),
@@ -261,10 +251,13 @@ def _combine(
     )
 
 
-def _most_exact(one: ImpactModel, other: ImpactModel) -> ImpactModel:
-    """Return ``one`` with the greater geometry and precision of the two."""
-    return one._replace(
-        geometry=max(one.geometry, other.geometry), precision=max(one.precision, other.precision)
+def _model_used(options: SceneOptions, answers: list[ClusterAnswer]) -> ImpactModel:
+    """Return the model with the law for several contacts, and the greatest geometry and precision used."""
+    return ImpactModel(
+        next((answer.model.law for answer in answers if answer.adjustments & FELL_BACK), options.law),
+        max((answer.model.geometry for answer in answers), default=Geometry.SPATIAL),
+        max((answer.model.precision for answer in answers), default=Precision.DOUBLE),
+        *options.model[3:],
     )
 
 

@@ -6,15 +6,15 @@
 // column.
 struct TableClusters {
   const TableLayout& table;
-  const double *bodies, *contacts;
-  ContactPairs pairs;
-  long count, rows;  // of contacts
-  const std::int64_t *order, *starts;  // contacts by cluster: order[starts[c]] up to order[starts[c + 1]]
-  ClusterOptions options;
-  double limit;  // the error bound above which the tolerance is not met
-  double *velocity, *angular_velocity, *impulse;  // of bodies; impulse: of contacts
-  unsigned char *regime, *status;  // of contacts; status: of clusters
-  double *error_bound, *margin, *energy[4];  // of clusters
+  const double *bodies = nullptr, *contacts = nullptr;
+  ContactPairs pairs{};
+  long count = 0, rows = 0;  // of contacts
+  const std::int64_t *order = nullptr, *starts = nullptr;  // contacts by cluster: order[starts[c]:starts[c + 1]]
+  ClusterOptions options{};
+  double limit = 0;  // the error bound above which the tolerance is not met
+  double *velocity = nullptr, *angular_velocity = nullptr, *impulse = nullptr;  // of bodies; impulse: of contacts
+  unsigned char *regime = nullptr, *status = nullptr;  // of contacts; status: of clusters
+  double *error_bound = nullptr, *margin = nullptr, *energy[4] = {};  // of clusters
 
   // The current cluster.
   std::vector<int> place{};  // for each body, its place in the cluster, or -1
