@@ -252,7 +252,11 @@ def _sdf(model: Element) -> tuple[dict[str, Inertial], tuple[Joint, ...]]:
     for joint in model.iterfind("joint"):
         parent, child = (joint.findtext(end, "").strip() for end in ("parent", "child"))
         if "world" not in (parent, child):
-            _check_links(f"joint {joint.get('name')!r}", (parent, child), inertials)
+            where = f"joint {joint.get('name')!r}"
+            for end in (parent, child):
+                if end in elements and elements[end].tag != "link":
+                    raise ValueError(f"{where}: {end!r} is a <{elements[end].tag}>: name its link instead")
+            _check_links(where, (parent, child), inertials)
             pose = np.linalg.inv(pose_in_model(parent)) @ pose_in_model(child)
             joints.append(Joint(parent, child, pose, _is_fixed(joint, SDF_JOINTS)))
     return inertials, tuple(joints)
@@ -347,7 +351,8 @@ def _numbers(text: str | None, count: int, what: str) -> list[float]:
     except ValueError:
         numbers = []
     if len(numbers) != count or not all(map(math.isfinite, numbers)):
-        raise ValueError(f"{what}: must be {count} finite numbers, is {text!r}")
+        wanted = "a finite number" if count == 1 else f"{count} finite numbers"
+        raise ValueError(f"{what}: must be {wanted}, is {text!r}")
     return numbers
 
 

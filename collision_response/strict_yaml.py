@@ -1,8 +1,8 @@
 """Read YAML as nested lists, mappings, numbers and text; duplicate keys are errors.
 
 PyYAML alone would keep the last of several equal keys, and would raise exceptions other than ``YAMLError``
-for some values that it cannot read. It also reads ``1e7`` as text: YAML 1.1 wants ``1.0e+7``. Here both are
-numbers, as in YAML 1.2.
+for some values that it cannot read. It also follows YAML 1.1, in which ``1e7`` is text, ``1:30`` is 90 and
+``010`` is 8. Here ``1e7`` is a number, as in YAML 1.2, and the other two are errors.
 """
 
 from __future__ import annotations
@@ -42,12 +42,24 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]
             return value
         except (ValueError, LookupError, OverflowError):
             kind = node.tag.rpartition(":")[2]
-            raise ConstructorError(None, None, f"cannot be read as {kind}", node.start_mark) from None
+            hint = "" if kind == "str" else ": quote it if it is text"
+            raise ConstructorError(None, None, f"cannot be read as {kind}{hint}", node.start_mark) from None
+
+    def construct_int(self, node: Node) -> int:
+        return int(self.construct_scalar(node), 0)
+
+    def construct_float(self, node: Node) -> float:
+        if ":" in self.construct_scalar(node):
+            raise ValueError
+        return self.construct_yaml_float(node)
 
 
+TAG = "tag:yaml.org,2002:"
 _FLOAT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
-_Loader.add_implicit_resolver("tag:yaml.org,2002:float", _FLOAT, list("-+.0123456789"))
-_Loader.add_constructor("tag:yaml.org,2002:timestamp", yaml.SafeLoader.construct_yaml_str)
+_Loader.add_implicit_resolver(f"{TAG}float", _FLOAT, list("-+.0123456789"))
+_Loader.add_constructor(f"{TAG}int", _Loader.construct_int)
+_Loader.add_constructor(f"{TAG}float", _Loader.construct_float)
+_Loader.add_constructor(f"{TAG}timestamp", _Loader.construct_yaml_str)
 
 
 def load_yaml(text: str) -> Any:

@@ -165,8 +165,8 @@ def test_a_link_may_share_its_name_with_a_joint_or_a_frame():
         ("<robot", "the description is not XML"),
         ("<html/>", "must be a URDF <robot>, or an <sdf> with one <model>; is a <html> with 0"),
         (sdf(before="<model name='other'/>"), "is a <sdf> with 2"),
-        (urdf(link("base", "${m}")), "mass of link 'base': must be 1 finite numbers, is '${m}'"),
-        (urdf(link("base", math.inf)), "mass of link 'base': must be 1 finite numbers, is 'inf'"),
+        (urdf(link("base", "${m}")), "mass of link 'base': must be a finite number, is '${m}'"),
+        (urdf(link("base", math.inf)), "mass of link 'base': must be a finite number, is 'inf'"),
         (urdf(link("base", 1.0, xyz="0 0")), "xyz of link 'base': must be 3 finite numbers, is '0 0'"),
         (
             urdf(link("a", 3.0), link("b", -1.0), joint("a", "b")),
@@ -203,6 +203,13 @@ def test_a_link_may_share_its_name_with_a_joint_or_a_frame():
                 "<joint name='j' type='fixed'><parent>a</parent><child>b</child></joint>",
             ),
             "the pose of 'g' is relative to 'f', which has none",
+        ),
+        (
+            sdf(
+                "<link name='a'/><link name='b'/><frame name='f' attached_to='a'/>",
+                "<joint name='j' type='fixed'><parent>f</parent><child>b</child></joint>",
+            ),
+            "joint 'j': 'f' is a <frame>: name its link instead",
         ),
         (
             sdf("<frame name='f'/><link name='a'><inertial><pose relative_to='f'/></inertial></link>"),

@@ -220,6 +220,12 @@ def test_what_only_looks_like_a_number_is_refused(write, text):
         Materials.read(write(f"materials: {{steel: {{stiffness: {text}}}}}"))
 
 
+@pytest.mark.parametrize("text", ["1:30", "-1:30.5", "010", "-0_10"])
+def test_numbers_that_yaml_1_1_reads_in_another_base_are_refused(write, text):
+    with refused(StatusCode.INVALID_TABLE, match="cannot be read as (int|float): quote it if it is text"):
+        Materials.read(write(f"materials: {{steel: {{stiffness: {text}}}}}"))
+
+
 def test_an_unknown_material_is_refused_with_the_known_ones(materials):
     known = "'cheese'; the file has glass, rubber, steel"
     with refused(StatusCode.UNKNOWN_MATERIAL, "body_a.material", known):

@@ -206,7 +206,8 @@ class Kernels:
 
 def install_package(name, extras):
     """Create or update an environment that holds the package, and return it."""
-    environment, kernels = Environment(name), Kernels(Environment(name))
+    environment = Environment(name)
+    kernels = Kernels(environment)
     os.environ["COLLISION_RESPONSE_KERNELS"] = "OFF"  # not by pip: this script builds them
     dependencies = digest(dependencies_digest(environment), extras)
     inputs = digest(*(ROOT / name for name in BUILD_INPUTS))

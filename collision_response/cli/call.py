@@ -167,7 +167,7 @@ def _value(where: str, name: str, value: Any, default: Any, kind: str) -> Any:
         if isinstance(value, bool):
             raise ValueError
         if isinstance(default, float):
-            return float(value)  # YAML reads 1e-3 as a string
+            return float(value)
         least, most = _range(kind)
         if int(value) != value or not least <= value <= most:
             raise ValueError
