@@ -37,36 +37,25 @@ from collision_response.physics.laws import PATHS
 ROUNDINGS = 64
 """More roundings than any number of an answer undergoes; a wrong digit is millions of them."""
 
-
 UNIT = {
     Precision.SINGLE: Fraction(1, 2**24),
     Precision.DOUBLE: Fraction(1, 2**53),
     Precision.EXTENDED: Fraction(1, 2**53),
 }
 
-
 LARGEST = math.nextafter(math.inf, 0.0)
-
 
 DECIDED = 0.1
 """With a greater bound, a decision may have gone the wrong way, and the bound covers both sides."""
 
-
 LAST_PLACE = 2.0**-52
 """EXTENDED promises the impulse and the twist changes to one unit in the last place."""
 
-
 FORMULAS = (Law.FRICTIONLESS, Law.COULOMB)
-
 
 ANSWERS = (StatusCode.OK, StatusCode.SEPARATING, StatusCode.TOLERANCE_NOT_MET)
 
-
-KNOWN = Adjustment.NORMALISED_ORIENTATION | Adjustment.RESTITUTION_THRESHOLD | Adjustment.LAW_FALLBACK
-
-
 ENUMS = {"law": Law, "geometry": Geometry, "precision": Precision}
-
 
 SCALARS = Impact._fields[Impact._fields.index("impulse") + 1 : Impact._fields.index("regime")]
 
@@ -244,7 +233,8 @@ def _check_adjustments(
         )
     massless_spin_moves = any(any(cross(s.massless_spin, s.r)) for s in (right.pair.a, right.pair.b))
     if massless_spin_moves and impact.model.geometry is Geometry.SPATIAL:
-        faults.require(int(impact.adjustments) & ~int(KNOWN), "spin that was left out is not said")
+        says = Adjustment.MASSLESS_SPIN in impact.adjustments
+        faults.require(says, "MASSLESS_SPIN is not said")
 
 
 def _after_fallback(

@@ -203,14 +203,9 @@ def resolve_one_by_one(
     return BatchResult(velocity, spin, impulse, status, bound, precision)
 
 
-def map_arrays(function, result: BatchResult) -> BatchResult:
-    """The result with a function applied to each array that is not None."""
-    return BatchResult(*(None if array is None else function(array) for array in result))
-
-
 def columns(result: BatchResult, at) -> BatchResult:
     """Some contacts of a result."""
-    return map_arrays(lambda array: array[..., at], result)
+    return result.mapped(lambda array: array[..., at])
 
 
 def assert_same(one: BatchResult, other: BatchResult) -> None:

@@ -22,7 +22,6 @@ from batch_cases import (
     collisions_at,
     columns,
     has_tiny_numbers,
-    map_arrays,
     resolve_one_by_one,
     shared_batch,
 )
@@ -93,7 +92,7 @@ def test_threads_give_the_same_bits(workers, model):
     shared = resolve_batch(bodies, contacts, model, workers=workers)
     assert_same(shared, resolve_batch(bodies, contacts, model))
     once = resolve_batch(*shared_batch(Geometry.SPATIAL), model)
-    assert_same(shared, map_arrays(lambda array: np.tile(array, 12), once))
+    assert_same(shared, once.mapped(lambda array: np.tile(array, 12)))
 
 
 def test_intermediate_overflow_is_answered_as_by_resolve():

@@ -11,7 +11,7 @@ pytest.importorskip("dask.array")
 import array_api_strict
 import dask.array as da
 import numpy as np
-from batch_cases import N, assert_same, columns, map_arrays, shared_batch
+from batch_cases import N, assert_same, columns, shared_batch
 from collisions import LAWS_WITH_FRICTION
 from refusals import refused
 
@@ -24,7 +24,7 @@ from collision_response.batch.rows import body_rows, contact_rows
 def test_out_is_written_to(order):
     bodies, contacts = shared_batch(Geometry.SPATIAL)
     result = resolve_batch(bodies, contacts)
-    out = map_arrays(lambda array: np.full_like(array, 9, order=order), result)
+    out = result.mapped(lambda array: np.full_like(array, 9, order=order))
     assert resolve_batch(bodies, contacts, out=out) is out
     assert_same(out, result)
 
@@ -46,9 +46,9 @@ def test_results_may_begin_anywhere_in_a_cache_line(n, dtype):
     table, pairs = bodies.reshape(len(bodies), -1), np.arange(2 * n).reshape(2, n)
     expected = resolve_batch(bodies, contacts)
     for offset in range(64 // expected.velocity.itemsize):
-        out = map_arrays(lambda array, offset=offset: shifted(array, offset), expected)
+        out = expected.mapped(lambda array, offset=offset: shifted(array, offset))
         assert_same(resolve_batch(bodies, contacts, out=out), expected)
-        out = map_arrays(lambda array, offset=offset: shifted(array, offset), expected)
+        out = expected.mapped(lambda array, offset=offset: shifted(array, offset))
         assert_same(resolve_batch(table, contacts, pairs=pairs, out=out), expected)
 
 

@@ -12,7 +12,7 @@ import array_api_strict
 import dask
 import dask.array as da
 import numpy as np
-from batch_cases import FIRST_FAULTY, N, assert_same, map_arrays, shared_batch
+from batch_cases import FIRST_FAULTY, N, assert_same, shared_batch
 from collisions import LAWS_WITH_ORACLE
 
 from collision_response import Body, Contact, Geometry, ImpactModel, Law, Precision
@@ -96,7 +96,7 @@ def test_one_dask_array_makes_the_results_dask_arrays(lazy, other, report):
     cuts = (90, 90, 90, 30) if "bodies" in lazy else (70, 70, 70, 70, 20)
     assert {array.chunks[-1] for array in here} == {cuts}
     assert result.impulse.chunks == ((3,), cuts)
-    computed = map_arrays(lambda array: array.compute(scheduler="synchronous"), result)
+    computed = result.mapped(lambda array: array.compute(scheduler="synchronous"))
     assert_same(computed, resolve_batch(**given, report=report))
 
 
@@ -134,7 +134,7 @@ def test_chunks_of_unknown_length_must_be_those_of_every_contact(chunks, lazy, o
     if all(lazy) and chunks[0] == chunks[1]:
         result = resolve_batch(**known | unknown)
         assert_same(
-            map_arrays(lambda array: array.compute(scheduler="synchronous"), result), resolve_batch(**known)
+            result.mapped(lambda array: array.compute(scheduler="synchronous")), resolve_batch(**known)
         )
     else:
         with pytest.raises(ValueError, match=r"^(bodies|contacts|pairs): must have the chunks of "):

@@ -15,16 +15,7 @@ pytest.importorskip("dask.array")
 import array_api_strict
 import dask.array as da
 import numpy as np
-from batch_cases import (
-    FIRST_FAULTY,
-    N,
-    assert_same,
-    collision_at,
-    columns,
-    has_tiny_numbers,
-    map_arrays,
-    shared_batch,
-)
+from batch_cases import FIRST_FAULTY, N, assert_same, collision_at, columns, has_tiny_numbers, shared_batch
 from collisions import LAWS_WITH_ORACLE
 
 import collision_response.batch.pairs
@@ -151,7 +142,7 @@ def test_strided_arrays_give_the_same():
     expected = resolve_batch(table, contacts, pairs=pairs)
     spread = (np.repeat(array, 2, axis=1)[:, ::2] for array in (table, contacts, pairs))
     spread_table, spread_contacts, spread_pairs = spread
-    out = map_arrays(lambda array: np.repeat(array, 2, axis=-1)[..., ::2], expected)
+    out = expected.mapped(lambda array: np.repeat(array, 2, axis=-1)[..., ::2])
     assert not out.velocity.flags.c_contiguous
     assert resolve_batch(spread_table, spread_contacts, pairs=spread_pairs, out=out) is out
     assert_same(out, expected)
@@ -214,7 +205,7 @@ def test_arrays_of_other_libraries(make):
     table, pairs, contacts = crowded_table()
     result = resolve_batch(make(table), make(contacts), pairs=make(pairs), report=True)
     assert type(result.regime) is type(make(table))
-    here = map_arrays(np.from_dlpack, result)
+    here = result.mapped(np.from_dlpack)
     assert_same(here, resolve_batch(table, contacts, pairs=pairs, report=True))
 
 
@@ -229,7 +220,7 @@ def test_dask_cuts_contacts_and_keeps_the_table_whole(cut):
         report=True,
     )
     assert lazy.status.chunks == lazy.kinetic_energy_after.chunks == ((300, 300, 300, 100),)
-    here = map_arrays(da.Array.compute, lazy)
+    here = lazy.mapped(da.Array.compute)
     assert_same(here, resolve_batch(table, contacts, pairs=pairs, report=True))
 
 
@@ -245,7 +236,7 @@ def test_with_pairs_too_one_dask_array_makes_the_results_dask_arrays(lazy):
     assert all(isinstance(array, da.Array) for array in result if array is not None)
     size = 300 if "contacts" in lazy else 77 if "pairs" in lazy else 1000
     assert result.status.chunks[0][0] == size
-    here = map_arrays(da.Array.compute, result)
+    here = result.mapped(da.Array.compute)
     assert_same(here, resolve_batch(table, contacts, pairs=pairs, report=True))
 
 
@@ -492,7 +483,7 @@ def test_tables_of_every_array_library_get_the_velocities(geometry, oriented, ma
         result = resolve_batch(body_table(bodies), contacts[:, :count], pairs=own)
         expected = expected.copy()
         scatter_velocities(expected, own, result)
-        theirs = map_arrays(make_result, result)
+        theirs = result.mapped(make_result)
         scatter_velocities(table, make(own), theirs)
         np.testing.assert_array_equal(np.asarray(np.from_dlpack(table)), expected)
         assert not np.array_equal(expected, body_table(bodies), equal_nan=True)
@@ -555,7 +546,5 @@ def test_pairs_may_be_unaligned():
     odd = np.frombuffer(bytearray(pairs.nbytes + 1), np.uint8)[1:].view(np.int64).reshape(pairs.shape)
     odd[...] = pairs
     assert not odd.flags.aligned
-    found = [independent_sets(shared_batch, [True] * 3) for shared_batch in (odd, pairs)]
-    assert [map_arrays.tolist() for map_arrays in found[0]] == [
-        map_arrays.tolist() for map_arrays in found[1]
-    ]
+    found, expected = ([one.tolist() for one in independent_sets(p, [True] * 3)] for p in (odd, pairs))
+    assert found == expected

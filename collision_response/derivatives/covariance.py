@@ -121,17 +121,20 @@ def propagate_covariance(
     likely = [_behaviour(linearised.derivatives.impact, model)]
     likely += (_behaviour_at(linearised, change) for change in _likely_changes(linearised, root, deviations))
     regimes = tuple(dict.fromkeys(one.regime for one in likely))
-    colliding = [one for one in likely if one.regime is not Regime.SEPARATING]
-    has_restitution = contact.restitution > 0 or restitution_sd > 0
-    jumps = len({one.falls_back for one in colliding}) > 1 or (
-        has_restitution and len({one.is_slow for one in colliding}) > 1
-    )
-    has_friction = contact.friction > 0 or friction_sd > 0  # if not, a contact that sticks just does not slip
-    differ = {Regime.SEPARATING, Regime.STICKING} if has_friction else {Regime.SEPARATING}
+    # Without friction, a contact that sticks is one that just does not slip.
+    differ = {Regime.SEPARATING, *([Regime.STICKING] if contact.friction > 0 or friction_sd > 0 else [])}
     has_one_behaviour = len(regimes) == 1 or differ.isdisjoint(regimes)
+    may_jump = _has_jump(likely, has_restitution=contact.restitution > 0 or restitution_sd > 0)
     certain = [name for name, sd in zip(COEFFICIENTS, deviations[:2], strict=True) if sd == 0]
-    is_smooth = not jumps and not is_nonsmooth(linearised.derivatives, without=certain)
-    return CovarianceAfter(after, regimes, has_one_behaviour and is_smooth)
+    is_smooth = not is_nonsmooth(linearised.derivatives, without=certain)
+    return CovarianceAfter(after, regimes, has_one_behaviour and is_smooth and not may_jump)
+
+
+def _has_jump(likely: Iterable[_Behaviour], *, has_restitution: bool) -> bool:
+    """Whether colliding impacts lie on both sides of a jump."""
+    colliding = [one for one in likely if one.regime is not Regime.SEPARATING]
+    is_slow, falls_back = ({getattr(one, side) for one in colliding} for side in ("is_slow", "falls_back"))
+    return len(falls_back) > 1 or (has_restitution and len(is_slow) > 1)
 
 
 def _square_root(covariance: Array | None, size: int) -> Array:
