@@ -32,6 +32,7 @@ from collision_response.ros.batch_client import unpack
 from collision_response.ros.body_lookup import BODIES_PER_STEP, MAX_TEXT, TEXTS, StateFinder
 from collision_response.ros.clients import ConnectedClients
 from collision_response.ros.diagnostics import PERIOD, Counters, Diagnostics
+from collision_response.ros.node import CollisionResponseNode
 from collision_response.ros.scene_client import pack as pack_scene
 from collision_response.ros.scenes import MAX_BODIES
 from collision_response.ros.server import SERVICE_QOS
@@ -411,6 +412,79 @@ def test_an_answer_too_large_to_send_becomes_a_refusal(graph, monkeypatch, error
     futures = [graph.call_async(balls_meet()) for _ in range(3)]
     wait_until(lambda: all(future.done() for future in futures))
     assert [future.result().result.status.code for future in futures] == [code, StatusCode.OK, StatusCode.OK]
+
+
+# the end
+
+
+def unspun(graph):
+    """A node that takes requests only in ``drain``."""
+    return CollisionResponseNode(context=graph.context, namespace=graph.namespace)
+
+
+def test_what_is_not_read_before_the_end_is_refused(graph, monkeypatch):
+    monkeypatch.setattr(server, "DELIVERY_TIME", 0.0)
+    node = unspun(graph)
+    futures = [graph.call_async(make()) for make in (balls_meet, partial(falling, 1), partial(crowd, 2)) * 50]
+
+    def refuse():
+        assert node._server.drain(0.0, DEADLINE) == 0
+        return all(future.done() for future in futures)
+
+    wait_until(refuse)
+    node.destroy_node()
+    for response in (future.result() for future in futures):
+        status = response.result.status if hasattr(response, "result") else response
+        assert not response.success
+        assert (status.code, status.message) == (StatusCode.SHUTTING_DOWN, str(server.AT_SHUTDOWN))
+
+
+@pytest.mark.parametrize("is_read", [True, False])
+def test_at_the_end_a_client_that_left_is_tried_once(graph, monkeypatch, is_read):
+    """Each answer to such a client would take a tenth of a second of those that others wait for."""
+    monkeypatch.setattr(server, "DELIVERY_TIME", 0.0)
+    node, tried, rounds = unspun(graph), [], []
+    counters = node._server._counters
+    _, client = another_client(graph)
+    for _ in range(50):
+        client.call_async(balls_meet())
+
+    def fail(*_):
+        tried.append(None)
+        return False
+
+    def end():
+        before = counters.requests
+        node._server.drain(0.0, DEADLINE)
+        rounds.extend([None] * (counters.requests > before))  # usually, all requests have arrived in one
+        return counters.requests == 50
+
+    with monkeypatch.context() as patch:
+        patch.setattr(server, "_try_to_send", fail)
+        patch.setattr(ConnectedClients, "is_connected", lambda *_: False)
+        if is_read:
+            wait_until(lambda: node._server._take_requests() == 0 and counters.requests == 50)
+            node._server.drain(0.0, DEADLINE)
+        else:
+            wait_until(end)
+    assert len(tried) == max(1, len(rounds))
+    assert counters.dropped == 50 - len(tried)
+    node.destroy_node()
+
+
+def test_requests_left_without_an_answer_are_counted(graph):
+    node = unspun(graph)
+    for _ in range(50):
+        graph.call_async(balls_meet())
+    left = 0
+
+    def count():
+        nonlocal left
+        left += node._server.drain(0.0, 0.0)
+        return left == 50
+
+    wait_until(count)
+    node.destroy_node()
 
 
 # diagnostics

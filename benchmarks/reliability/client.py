@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from .child_process import Parent, ros_node, service_client
-from .request_kinds import KINDS, code_of, is_right, stamp_of
+from .request_kinds import KINDS, SHUTTING_DOWN, code_of, is_right, stamp_of
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,8 @@ class Client:
         report, kind, now = self.report, KINDS[name], time.monotonic()
         report.times.append((now, now - began))
         report.codes.setdefault(name, Counter())[code_of(response)] += 1
-        has_own_number = not kind.is_numbered or stamp_of(response).nanosec == number
+        is_unread = code_of(response) == SHUTTING_DOWN  # refused without being read, so it has no stamp
+        has_own_number = is_unread or not kind.is_numbered or stamp_of(response).nanosec == number
         if not has_own_number:
             report.wrong[f"{name}: of another request"] += 1
         elif not is_right(kind, response):

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-REFUSALS_AT_ANY_TIME = frozenset({20, 21})
+SHUTTING_DOWN = 21
+REFUSALS_AT_ANY_TIME = frozenset({20, SHUTTING_DOWN})
 """BUDGET_EXCEEDED and SHUTTING_DOWN."""
 
 ANSWERS = frozenset({1, 2, 17})

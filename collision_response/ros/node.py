@@ -146,7 +146,7 @@ class CollisionResponseNode(Node):
         start, limit = time.perf_counter(), self.parameters.values.shutdown_timeout
         faulthandler.dump_traceback_later(max(limit, MIN_SHUTDOWN_TIME), exit=True)
         try:
-            unanswered = self._server.drain(0.5 * limit, 0.15 * limit)
+            unanswered = self._server.drain(0.4 * limit, 0.25 * limit)
             if unanswered:
                 self.get_logger().warning(
                     f"at least {unanswered} requests have no answer; shutdown_timeout is {limit:g} s"

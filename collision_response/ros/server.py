@@ -27,7 +27,7 @@ from .diagnostics import Counters
 from .parameters import LatestParameters
 from .process import create_steady_timer
 from .round_robin import Job, RoundRobin, Steps
-from .take_all import InvalidHandle, RCLError, TakeAllWaitable, error_in_rclpy
+from .take_all import MAX_TIME, InvalidHandle, RCLError, TakeAllWaitable, error_in_rclpy
 from .throttled_warnings import WARNING_INTERVAL
 
 SERVICE_QOS = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=8_000, reliability=ReliabilityPolicy.RELIABLE)
@@ -45,6 +45,10 @@ MAX_DISCOVERY_TIME = 2.0
 WAIT_CHECK_INTERVAL = 0.01
 """Time [s] between two searches for requests that have waited for a state until their deadline."""
 
+SERVING_TIME_OF_DRAIN = 0.1
+"""Time [s] of serving between two looks for new requests at the end. On a busy machine, taking all of a burst
+first would leave no time to answer it."""
+
 QUIET_TIME = 0.1
 """If no request arrives for this time [s], none is under way any more."""
 
@@ -56,6 +60,11 @@ DELIVERY_TIME = 0.5
 
 MAX_SERVING_TIME = 0.01
 """Time [s] of serving after which the executor may run the node's other callbacks."""
+
+AT_SHUTDOWN = ImpactError(
+    StatusCode.SHUTTING_DOWN, "node", "is shutting down: ask again when it is back, or ask another node"
+)
+"""The refusal of requests for which there is no time at the end."""
 
 
 class NodeService(Protocol):
@@ -147,25 +156,45 @@ class Server:
 
         Each takes at most the given time [s]. Return how many requests are left without an answer.
         """
-        clock, answers_before = time.perf_counter, self._counters.answers.total()
+        clock, answers_before, unread = time.perf_counter, self._counters.answers.total(), 0
         start = last_arrival = clock()
+        end = start + answering_time
         with suppress(InvalidHandle):  # of a node that is destroyed, as after its context was shut down
-            while clock() - start < answering_time and (self._jobs or clock() - last_arrival < QUIET_TIME):
+            while clock() < end and (self._jobs or clock() - last_arrival < QUIET_TIME):
                 if self._take_requests():
                     last_arrival = clock()
                 self._jobs.resume(overdue_only=True)
                 if not self._jobs.is_ready:
                     time.sleep(WAIT_CHECK_INTERVAL)
-                self._jobs.run_slice()
-            reason = "is shutting down: ask again when it is back, or ask another node"
-            error = ImpactError(StatusCode.SHUTTING_DOWN, "node", reason)
+                turn = min(end, clock() + SERVING_TIME_OF_DRAIN)
+                while self._jobs.is_ready and clock() < turn:
+                    self._jobs.run_slice()
             end = clock() + refusing_time
-            while (self._take_requests() or self._jobs) and clock() < end:
-                self._jobs.refuse_all(error, end)
-            self._take_requests()  # to count them
+            self._jobs.refuse_all(AT_SHUTDOWN, end)
+            while self._refuse_unread(start, end):
+                pass
+            unread = sum(1 for waitable in self._waitables for _ in waitable.take_unread(clock() + MAX_TIME))
             if self._counters.answers.total() > answers_before:
                 time.sleep(min(DELIVERY_TIME, refusing_time))
-        return len(self._jobs)
+        return len(self._jobs) + unread
+
+    def _refuse_unread(self, start: float, end: float) -> int:
+        """Refuse the requests that wait, until a time [s], and return how many there were.
+
+        They are not read, which makes this seven times as fast, so each service has one refusal for all.
+        ``start`` is when the shutdown began [s].
+        """
+        number = 0
+        for endpoint, waitable in zip(self._endpoints.values(), self._waitables, strict=True):
+            service, refusal = endpoint.node_service, None
+            for header in waitable.take_unread(end):
+                number += 1
+                self._counters.requests += 1
+                refusal = refusal or service.refusal(service.interface.Request(), AT_SHUTDOWN)
+                call = Call(endpoint, client_id(header), None, header, start)
+                if not self._is_dropped(call):
+                    self._send(call, AT_SHUTDOWN.code, refusal)
+        return number
 
     def _take_requests(self) -> int:
         """Take the requests that wait, for a limited time, and return how many there were."""
@@ -187,8 +216,7 @@ class Server:
         deadline = call.received + MAX_DISCOVERY_TIME
         while not clients.is_connected(client) and time.perf_counter() < deadline:
             yield min(deadline, time.perf_counter() + WAIT_CHECK_INTERVAL)
-        if clients.has_left(client, call.received):
-            self._counters.dropped += 1
+        if self._is_dropped(call):
             return
         try:
             status, response = yield from call.endpoint.node_service.answer(call.request)
@@ -198,7 +226,15 @@ class Server:
         except Exception as error:
             self._refuse(call, self._as_refusal(error))
 
+    def _is_dropped(self, call: Call) -> bool:
+        """Whether a request is dropped, because its client has left."""
+        has_left = call.endpoint.clients.has_left(call.client, call.received)
+        self._counters.dropped += has_left
+        return has_left
+
     def _refuse(self, call: Call, error: ImpactError) -> None:
+        if self._is_dropped(call):
+            return
         if error.code is StatusCode.BUDGET_EXCEEDED:
             self._log.warning(f"a request was refused: {error}", throttle_duration_sec=WARNING_INTERVAL)
         self._send(call, error.code, call.endpoint.node_service.refusal(call.request, error))
