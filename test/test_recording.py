@@ -570,6 +570,43 @@ def test_entries_after_an_error_are_counted(tmp_path, before):
     assert recorder.missing() == before + 1 and len(problems) == 1
 
 
+@pytest.mark.parametrize("fails", ["write", "next file"])
+def test_entries_that_an_error_loses_are_counted(tmp_path, monkeypatch, fails):
+    """Those of the batch that was being written, and body states that were held back for a later one."""
+    written, is_written = [], threading.Event()
+
+    class FullDisk:
+        def __init__(self, path, recording):
+            if written:
+                raise OSError("the disk is full")
+
+        def __enter__(self):
+            return SimpleNamespace(write=self.write, file=FILE)
+
+        def write(self, batch):
+            if written:
+                raise OSError("the disk is full")
+            written.extend(batch)
+            is_written.set()
+
+        def __exit__(self, *_):
+            pass
+
+    monkeypatch.setattr("collision_response.recording.writer.Writer", FullDisk)
+    monkeypatch.setattr("collision_response.recording.recorder.INTERVAL", 0.0)
+    problems = []
+    recorder = Recorder(tmp_path, problems.append, max_duration=1e-9 if fails == "next file" else 0.0)
+    recorder.add(impact(1))
+    assert is_written.wait(DEADLINE)
+    recorder.add(BodyRecord(1, "ball", impact().body_a))
+    for sequence in (2, 3, 4):
+        recorder.add(impact(sequence))
+    recorder._worker.join(DEADLINE)
+    assert problems == [problems[0]] and problems[0].endswith("the disk is full")
+    assert recorder.missing() == 4
+    recorder.close()
+
+
 class TestNode:
     """Recordings made by the node."""
 

@@ -69,7 +69,8 @@ class Recorder:
         dropped: number of entries dropped because the queue was full. The recording has gaps for them.
         unwritable: number of entries that could not be written. The recording has gaps for the answers among
             them.
-        abandoned: number of entries that waited when the recorder stopped because of an error, or came later.
+        abandoned: number of entries that waited when the recorder stopped because of an error, or came later,
+            and those of the batch that it was writing, of which the file may hold some.
         untimed: number of body states without a stamp, which have no place on any timeline.
     """
 
@@ -110,6 +111,8 @@ class Recorder:
         self._max_size = max_size * 1e6
         self._max_duration = max_duration
         self._capacity = capacity
+        self._unwritten: list[Entry] = []  # the batch that is being written
+        self._held_back: list[Entry] = []  # body states for a later batch
         self._queue: queue.SimpleQueue[Entry | None] = queue.SimpleQueue()
         self._closing = threading.Event()
         self._due = threading.Event()
@@ -173,8 +176,9 @@ class Recorder:
                     self.path = self._next_path()
         except Exception as error:  # of rerun or the disk; it must not reach the caller
             self._report(problem.format(self.path, str(error) or type(error).__name__))
-            for _ in range(self._queue.qsize()):
-                self.abandoned += self._queue.get() is not None
+            queued = [self._queue.get() for _ in range(self._queue.qsize())]
+            lost = [*self._unwritten, *self._held_back, *queued]
+            self.abandoned += sum(not isinstance(entry, Gap | None) for entry in lost)
         finally:
             self._stopped.set()
 
@@ -182,6 +186,7 @@ class Recorder:
         """Write one file, and return the first batch of the next one, or ``None`` if the recording ends."""
         begin, file = None, writer.file
         for batch in filter(None, chain([first], batches)):
+            self._unwritten = batch
             if not file.is_in_place():
                 self._report(f"recording {writer.path} was removed; recording continues in a new file")
                 return batch
@@ -205,7 +210,7 @@ class Recorder:
             self.unwritable += len(error.entries)
             unwritable = {id(entry) for entry in error.entries}
             why = f"this cannot be written: {error.__cause__!r}"
-            rest = [entry for entry in batch if id(entry) not in unwritable]
+            self._unwritten = rest = [entry for entry in batch if id(entry) not in unwritable]
             gaps = [Gap(e.stamp, e.sequence, 1, why) for e in error.entries if not isinstance(e, BodyRecord)]
             writer.write([*rest, *gaps])
 
@@ -222,9 +227,9 @@ class Recorder:
 
         Body states are held back for ``STATES_INTERVAL``. A batch after dropped entries has a gap for them.
         """
-        states: list[Entry] = []
         sequence, recorded_drops, since, last = 0, 0, 0.0, False
         while not last:
+            states = self._held_back
             waiting = self._wait(STATES_INTERVAL if states else None)
             last = None in waiting
             entries = [entry for entry in waiting if entry is not None and self._has_timeline(entry)]
@@ -239,7 +244,7 @@ class Recorder:
             batch: list[Entry] = [entry for entry in entries if not isinstance(entry, BodyRecord)]
             is_old = time.monotonic() - since >= STATES_INTERVAL
             if last or is_old or len(states) >= self._capacity // 2:
-                batch, states = states + batch, []
+                batch, self._held_back = states + batch, []
             yield batch
 
     def _wait(self, timeout: float | None) -> list[Entry | None]:
