@@ -428,7 +428,7 @@ def test_what_is_not_read_before_the_end_is_refused(graph, monkeypatch):
     futures = [graph.call_async(make()) for make in (balls_meet, partial(falling, 1), partial(crowd, 2)) * 50]
 
     def refuse():
-        assert node._server.drain(0.0, DEADLINE) == 0
+        assert node._server.drain(DEADLINE, DEADLINE) == 0
         return all(future.done() for future in futures)
 
     wait_until(refuse)
@@ -455,7 +455,7 @@ def test_at_the_end_a_client_that_left_is_tried_once(graph, monkeypatch, is_read
 
     def end():
         before = counters.requests
-        node._server.drain(0.0, DEADLINE)
+        node._server.drain(DEADLINE, DEADLINE)
         rounds.extend([None] * (counters.requests > before))  # usually, all requests have arrived in one
         return counters.requests == 50
 
@@ -464,7 +464,7 @@ def test_at_the_end_a_client_that_left_is_tried_once(graph, monkeypatch, is_read
         patch.setattr(ConnectedClients, "is_connected", lambda *_: False)
         if is_read:
             wait_until(lambda: node._server._take_requests() == 0 and counters.requests == 50)
-            node._server.drain(0.0, DEADLINE)
+            node._server.drain(DEADLINE, DEADLINE)
         else:
             wait_until(end)
     assert len(tried) == max(1, len(rounds))

@@ -54,6 +54,9 @@ TABLE_TOPIC = "all_body_states"
 MIN_SHUTDOWN_TIME = 2.0
 """Time [s] that destroying the node may always take, however short ``shutdown_timeout`` is."""
 
+REFUSING_TIME = 0.3
+"""Computing time [s] in which the node can refuse 5000 requests at the end."""
+
 CLOCK_JUMPS = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
 """Jumps of the clock after which the stamps of earlier states mean nothing any more."""
 
@@ -146,7 +149,7 @@ class CollisionResponseNode(Node):
         start, limit = time.perf_counter(), self.parameters.values.shutdown_timeout
         faulthandler.dump_traceback_later(max(limit, MIN_SHUTDOWN_TIME), exit=True)
         try:
-            unanswered = self._server.drain(0.4 * limit, 0.25 * limit)
+            unanswered = self._server.drain(0.65 * limit, min(REFUSING_TIME, 0.1 * limit))
             if unanswered:
                 self.get_logger().warning(
                     f"at least {unanswered} requests have no answer; shutdown_timeout is {limit:g} s"

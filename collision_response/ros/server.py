@@ -49,6 +49,9 @@ SERVING_TIME_OF_DRAIN = 0.1
 """Time [s] of serving between two looks for new requests at the end. On a busy machine, taking all of a burst
 first would leave no time to answer it."""
 
+LEAST_MEASURED_TIME = 0.5
+"""Time of serving [s] before which its share of computing is not judged: a single send may be blocked."""
+
 QUIET_TIME = 0.1
 """If no request arrives for this time [s], none is under way any more."""
 
@@ -151,31 +154,37 @@ class Server:
             self._jobs.resume()
             self._serve()
 
-    def drain(self, answering_time: float, refusing_time: float) -> int:
+    def drain(self, limit: float, reserve: float) -> int:
         """Answer all requests that have arrived, and those that arrive meanwhile; then refuse the rest.
 
-        Each takes at most the given time [s]. Return how many requests are left without an answer.
+        This takes at most ``limit`` [s]. Refusals begin when only ``reserve`` [s] is left to compute: earlier
+        on a machine that is busy with other work. Return how many requests are left without an answer.
         """
-        clock, answers_before, unread = time.perf_counter, self._counters.answers.total(), 0
+        clock, computing_time = time.perf_counter, time.thread_time
+        answers_before, unread, spent, computed = self._counters.answers.total(), 0, 0.0, 0.0
         start = last_arrival = clock()
-        end = start + answering_time
+        end = start + limit
         with suppress(InvalidHandle):  # of a node that is destroyed, as after its context was shut down
-            while clock() < end and (self._jobs or clock() - last_arrival < QUIET_TIME):
+            while self._jobs or clock() - last_arrival < QUIET_TIME:
+                share = computed / spent if spent > LEAST_MEASURED_TIME else 1.0
+                if (end - clock()) * share < reserve:
+                    break
+                turn, computed_before = clock(), computing_time()
                 if self._take_requests():
                     last_arrival = clock()
                 self._jobs.resume(overdue_only=True)
+                end_of_turn = min(end, clock() + SERVING_TIME_OF_DRAIN)
+                while self._jobs.is_ready and clock() < end_of_turn:
+                    self._jobs.run_slice()
+                spent, computed = spent + clock() - turn, computed + computing_time() - computed_before
                 if not self._jobs.is_ready:
                     time.sleep(WAIT_CHECK_INTERVAL)
-                turn = min(end, clock() + SERVING_TIME_OF_DRAIN)
-                while self._jobs.is_ready and clock() < turn:
-                    self._jobs.run_slice()
-            end = clock() + refusing_time
             self._jobs.refuse_all(AT_SHUTDOWN, end)
             while self._refuse_unread(start, end):
                 pass
             unread = sum(1 for waitable in self._waitables for _ in waitable.take_unread(clock() + MAX_TIME))
             if self._counters.answers.total() > answers_before:
-                time.sleep(min(DELIVERY_TIME, refusing_time))
+                time.sleep(min(DELIVERY_TIME, 0.2 * limit))
         return len(self._jobs) + unread
 
     def _refuse_unread(self, start: float, end: float) -> int:
