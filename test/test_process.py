@@ -105,7 +105,7 @@ def test_it_needs_no_standard_streams(graph, start, tmp_path, closed):
         (("-p", "memory_limit:=1"), "memory_limit: is 1 MiB, but the node uses "),
         (
             ("-p", "body_state_topics:=[]"),
-            "a parameter is an empty list, which has no type: write [''] for none",
+            "body_state_topics: an empty list has no type: write [''] for none",
         ),
         (("bogus", "--bogus"), "unknown arguments: ['bogus', '--bogus']"),
         (("-p", b"world_frame:=\xff"), r"an argument is not text in UTF-8: 'world_frame:=\udcff'"),

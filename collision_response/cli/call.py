@@ -178,8 +178,8 @@ def _value(where: str, name: str, value: Any, default: Any, kind: str) -> Any:
 
 
 def _range(kind: str) -> tuple[int, int]:
-    bits = int(kind.lstrip("uint"))
-    return (0, 2**bits - 1) if kind.startswith("u") else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+    sign, _, bits = kind.partition("int")
+    return (0, 2 ** int(bits) - 1) if sign else (-(2 ** (int(bits) - 1)), 2 ** (int(bits) - 1) - 1)
 
 
 def answer(kind: Any, request: Any, service: str, timeout: float) -> Any:

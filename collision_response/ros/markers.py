@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point, WrenchStamped
-from rclpy.node import Node
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -19,7 +18,7 @@ from ..physics.vector import Vec3
 from ..recording import colours
 from ..status import StatusCode
 from .convert import vector_message, vector_of
-from .parameters import Declaration, declare, warn_of_unknown
+from .parameters import Declaration, DeclaringNode, declare, warn_of_unknown
 from .process import run
 from .throttled_warnings import WARNING_INTERVAL
 
@@ -157,7 +156,7 @@ def _rim(normal: Any, angle: float) -> Any:
     return math.cos(angle) * normal + math.sin(angle) * circle
 
 
-class ContactMarkers(Node):
+class ContactMarkers(DeclaringNode):
     """Publishes markers and wrenches for the answers of the service.
 
     Interfaces (all may be remapped):
@@ -167,9 +166,7 @@ class ContactMarkers(Node):
     """
 
     def __init__(self, **options: Any) -> None:
-        super().__init__(
-            "collision_response_markers", automatically_declare_parameters_from_overrides=True, **options
-        )
+        super().__init__("collision_response_markers", **options)
         warn_of_unknown(self, declare(self, DECLARATIONS))
         self._numbers = count()
         self._markers = self.create_publisher(MarkerArray, "collision_response/markers", 100)

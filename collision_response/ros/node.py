@@ -16,7 +16,6 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import JumpThreshold, TimeJump
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.validate_topic_name import validate_topic_name
@@ -35,7 +34,7 @@ from .answer_log import AnswerLog
 from .batches import BatchService
 from .diagnostics import Counters, Diagnostics
 from .impacts import ImpactService
-from .parameters import DECLARATIONS
+from .parameters import DECLARATIONS, DeclaringNode
 from .process import StartError, limit_memory, run
 from .scenes import SceneService
 from .serialized import MalformedMessage
@@ -61,7 +60,7 @@ CLOCK_JUMPS = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=
 """Jumps of the clock after which the stamps of earlier states mean nothing any more."""
 
 
-class CollisionResponseNode(Node):
+class CollisionResponseNode(DeclaringNode):
     """Collision response as a service.
 
     Interfaces (all may be remapped):
@@ -79,14 +78,13 @@ class CollisionResponseNode(Node):
     Raises:
         rclpy.exceptions.ParameterException: if a parameter has a value that is not allowed.
         rclpy.exceptions.NameValidationException: if one of ``body_state_topics`` is no name of a topic.
+        StartError: if a value is an empty list, or a number without the point that it needs.
     """
 
     _recorder: Recorder | None = None
 
     def __init__(self, **options: Any) -> None:
-        super().__init__(
-            "collision_response", automatically_declare_parameters_from_overrides=True, **options
-        )
+        super().__init__("collision_response", **options)
         given = parameters.declare(self, DECLARATIONS)
         self.parameters = parameters.LatestParameters(self)
         value = partial(parameters.value_of, self)

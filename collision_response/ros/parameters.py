@@ -22,6 +22,7 @@ from ..physics.combine import CombineRule
 from ..physics.stiffness import METAL_ON_METAL
 from ..recording.recorder import MAX_DURATION, MAX_SIZE, check_name
 from ..status import ImpactError, format_range
+from .process import StartError
 
 CHOICES: Mapping[str, Mapping[str, Any]] = {
     **{field: {member.name.lower(): member for member in kind} for field, kind in ENUMERATIONS.items()},
@@ -214,22 +215,42 @@ DECLARED_BY_RCLPY = {"use_sim_time", "start_type_description_service"}
 """Parameters that rclpy declares for every node."""
 
 
-def declare(node: Node, declarations: Iterable[Declaration]) -> set[str]:
+class DeclaringNode(Node):
+    """A node that first declares all parameters that were given, so that :func:`declare` knows them."""
+
+    def __init__(self, name: str, **options: Any) -> None:
+        super().__init__(name, automatically_declare_parameters_from_overrides=True, **options)
+
+    def declare_parameters(self, namespace: str, parameters: Any, ignore_override: bool = False) -> Any:
+        """Declare parameters. An empty list is refused here, because rclpy would not say the name."""
+        for name, value, *_ in parameters:
+            if value is None:
+                raise StartError(f"{name}: an empty list has no type: write [''] for none")
+        return super().declare_parameters(namespace, parameters, ignore_override)
+
+
+def declare(node: DeclaringNode, declarations: Iterable[Declaration]) -> set[str]:
     """Declare the parameters of a node, and return the names of those that were given.
 
-    The node was made with ``automatically_declare_parameters_from_overrides``, so all parameters that were
-    given are declared. They are declared again here, with descriptions and ranges.
+    They are declared again here, with descriptions and ranges.
 
     Raises:
         rclpy.exceptions.ParameterException: if a value that was given is not allowed.
+        StartError: if a number that needs a point was given without one.
     """
-    given = set(node.get_parameters_by_prefix("")) - DECLARED_BY_RCLPY
+    given = node.get_parameters_by_prefix("")
+    for name in DECLARED_BY_RCLPY:
+        given.pop(name, None)
     for name in given:
         node.undeclare_parameter(name)
     node.add_on_set_parameters_callback(validate)
     for declaration in declarations:
-        node.declare_parameter(declaration.name, declaration.default, declaration.descriptor())
-    return given
+        name, default = declaration.name, declaration.default
+        value = given[name].value if name in given else default
+        if isinstance(default, float) and type(value) is int:
+            raise StartError(f"{name}: write it with a point, as in {value}.0")
+        node.declare_parameter(name, default, declaration.descriptor())
+    return set(given)
 
 
 def warn_of_unknown(node: Node, given: set[str]) -> None:

@@ -55,7 +55,7 @@ def run(
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = make()
-    except (UnknownArguments, ValueError, *START_ERRORS) as error:
+    except (UnknownArguments, *START_ERRORS) as error:
         print("collision_response:", _why_not_started(error), file=sys.stderr)
         rclpy.try_shutdown()
         return 1
@@ -68,19 +68,12 @@ def run(
 
 
 def _why_not_started(error: Exception) -> str:
-    """Reason why the node cannot start, on one line. An error that is not known is raised again."""
+    """Reason why the node cannot start, on one line."""
     if isinstance(error, UnknownArguments):
         return f"unknown arguments: {error}"
     if isinstance(error, UnicodeEncodeError):
         return f"an argument is not text in UTF-8: {error.object!r}"
-    if "PARAMETER_NOT_SET" in str(error):  # rclpy's text; it does not name the parameter
-        return "a parameter is an empty list, which has no type: write [''] for none"
-    if not isinstance(error, START_ERRORS):
-        raise error
-    why = " ".join(str(error).split())
-    if "'INTEGER', expecting type 'DOUBLE'" in why:
-        why += ": write it with a point, as in 1.0"
-    return why
+    return " ".join(str(error).split())
 
 
 def open_standard_streams() -> None:

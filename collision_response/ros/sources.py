@@ -13,19 +13,18 @@ from typing import Any
 
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 from std_msgs.msg import String
 
 from ..description import Description, quaternion
 from ..msg import BodyState
-from ..physics.body import Twist
+from ..physics.body import Body, Twist
 from ..physics.mass_properties import MassProperties
 from ..physics.orientation import Quaternion
 from ..physics.vector import ZERO, Vec3
-from .convert import nanoseconds, twist_message, vector_message, vector_of
-from .parameters import declare, fixed, warn_of_unknown
+from .convert import nanoseconds, state_message, twist_message, vector_of
+from .parameters import DeclaringNode, declare, fixed, warn_of_unknown
 from .process import StartError, run
 from .throttled_warnings import ThrottledWarnings
 
@@ -48,11 +47,7 @@ ODOMETRY_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 def body_state(header: Any, name: str, mass_properties: MassProperties) -> BodyState:
     """Make the state of a body at rest at the origin; pose and twist can be filled in."""
-    state = BodyState(header=header, name=name)
-    inertia = state.inertia
-    inertia.m, inertia.com = mass_properties.mass, vector_message(mass_properties.com)
-    inertia.ixx, inertia.ixy, inertia.ixz, inertia.iyy, inertia.iyz, inertia.izz = mass_properties.inertia
-    return state
+    return state_message(name, Body.of(mass_properties), header)
 
 
 def from_odometry(odometry: Odometry, mass_properties: MassProperties, name: str = "") -> BodyState:
@@ -115,7 +110,7 @@ def _nonzero(q: Any) -> Quaternion:
     return quaternion((q.x, q.y, q.z, q.w), "orientation")
 
 
-class BodyStatePublisher(Node):
+class BodyStatePublisher(DeclaringNode):
     """Publishes the states of one robot's bodies.
 
     Interfaces (all may be remapped):
@@ -130,9 +125,7 @@ class BodyStatePublisher(Node):
     """
 
     def __init__(self, **options: Any) -> None:
-        super().__init__(
-            "collision_response_states", automatically_declare_parameters_from_overrides=True, **options
-        )
+        super().__init__("collision_response_states", **options)
         warn_of_unknown(self, declare(self, DECLARATIONS))
         start = {declaration.name: self.get_parameter(declaration.name).value for declaration in DECLARATIONS}
         self._warn = ThrottledWarnings(self.get_logger().warning)
