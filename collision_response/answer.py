@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from decimal import Decimal
 from typing import Any, NamedTuple
 
@@ -196,26 +196,31 @@ def format_impact(answer: Any, names: tuple[str, str] = ("body_a", "body_b")) ->
     model, contact = answer.model, answer.contact
     status = StatusCode(getattr(answer.status, "code", answer.status))
     law, geometry, precision = Law(model.law), Geometry(model.geometry), Precision(model.precision)
-    contact_head = ["regime", "e", "mu", "u before [m/s]", "u after [m/s]", "impulse [N s]"]
-    contact_row = [
-        str(Regime(answer.regime)),
-        *map(format_number, (contact.restitution, contact.friction)),
-        *map(format_number, (answer.normal_velocity_before, answer.normal_velocity_after)),
-        format_vector(answer.impulse),
-    ]
-    bodies = [
-        [name, format_vector(twist.linear), format_vector(twist.angular)]
-        for name, twist in zip(names, (answer.twist_a, answer.twist_b), strict=True)
-    ]
+    before, after = answer.normal_velocity_before, answer.normal_velocity_after
     lines = [
         f"{status} by {law} ({geometry}, {precision}), relative error at most {answer.error_bound:.2g}",
-        *format_columns(contact_head, [contact_row]),
-        *format_columns(["body", "velocity [m/s]", "angular velocity [rad/s]"], bodies),
+        *format_columns(CONTACT_HEAD, [contact_row(answer.regime, contact, before, after, answer.impulse)]),
+        *format_columns(BODY_HEAD, map(body_row, names, (answer.twist_a, answer.twist_b))),
         format_energies(answer),
     ]
     if answer.adjustments:
         lines.append(f"adjusted: {Adjustment(answer.adjustments)}")
     return "\n".join(lines)
+
+
+CONTACT_HEAD = ["regime", "e", "mu", "u before [m/s]", "u after [m/s]", "impulse [N s]"]
+BODY_HEAD = ["body", "velocity [m/s]", "angular velocity [rad/s]"]
+
+
+def contact_row(regime: int, contact: Any, before: Scalar, after: Scalar, impulse: Any) -> list[str]:
+    """Return a row below ``CONTACT_HEAD``, with the normal velocities before and after."""
+    numbers = contact.restitution, contact.friction, before, after
+    return [str(Regime(regime)), *map(format_number, numbers), format_vector(impulse)]
+
+
+def body_row(name: str, twist: Any) -> list[str]:
+    """Return a row below ``BODY_HEAD``."""
+    return [name, format_vector(twist.linear), format_vector(twist.angular)]
 
 
 def format_energies(answer: Any) -> str:
@@ -241,10 +246,11 @@ def format_vector(v: Any) -> str:
     return "(" + ", ".join(format_number(0.0 if abs(x) * 2**53 < size else x) for x in components) + ")"
 
 
-def format_columns(head: list[str], rows: list[list[str]]) -> list[str]:
+def format_columns(head: list[str], rows: Iterable[list[str]]) -> list[str]:
     """Format a table as lines of left-aligned columns."""
-    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
+    lines = [head, *rows]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     return [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in (head, *rows)
+        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
+        for line in lines
     ]

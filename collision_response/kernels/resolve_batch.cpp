@@ -10,7 +10,17 @@ const double zero_double = 0, one_double = 1;
 const float zero_float = 0, one_float = 1;
 
 // The fields of BatchResult.
-enum { VELOCITY, ANGULAR_VELOCITY, IMPULSE, STATUS, ERROR_BOUND, REGIME = 6, ENERGY, FIELDS = ENERGY + ENERGIES };
+enum {
+  VELOCITY,
+  ANGULAR_VELOCITY,
+  IMPULSE,
+  STATUS,
+  ERROR_BOUND,
+  PRECISION,
+  REGIME,
+  ENERGY,
+  FIELDS = ENERGY + ENERGIES
+};
 
 // The batch from a column on. Its bodies have been gathered, so their rows stay.
 Batch from_column(const Batch& batch, int body_rows, long at, int size) {
@@ -75,7 +85,7 @@ struct BatchArrays {
     bool valid = settings.has(real, {MODEL}) && result[VELOCITY].has(real, {axes, 2, n}) &&
                  result[ANGULAR_VELOCITY].has(real, {spins, 2, n}) && result[IMPULSE].has(real, {axes, n}) &&
                  result[STATUS].has('B', {n}) && result[ERROR_BOUND].is_open() == bounded &&
-                 (!bounded || (result[ERROR_BOUND].has(real, {n}) && result[ERROR_BOUND + 1].has('B', {n}))) &&
+                 (!bounded || (result[ERROR_BOUND].has(real, {n}) && result[PRECISION].has('B', {n}))) &&
                  (!report || result[REGIME].has('B', {n}));
     for (int i = ENERGY; i < FIELDS; ++i)
       valid = valid && result[i].is_open() == report && (!report || result[i].has(real, {n}));

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ..answer import format_columns, format_energies, format_number, format_vector
+from ..answer import BODY_HEAD, CONTACT_HEAD, body_row, contact_row, format_columns, format_energies
 from ..model import Adjustment, ImpactModel
 from ..numbers.operations import Scalar
 from ..physics.body import Twist
@@ -94,28 +94,15 @@ def scene_table(
         cluster_of: for each contact, the number of its cluster.
         order_sensitivity: as in :class:`SceneImpact`.
     """
-    contacts = [
-        [
-            str(i),
-            str(cluster_of[i]),
-            Regime(answer.regimes[i]).name,
-            *map(format_number, (contact.restitution, contact.friction)),
-            *map(format_number, (answer.normal_velocities_before[i], answer.normal_velocities_after[i])),
-            format_vector(answer.impulses[i]),
-        ]
-        for i, contact in enumerate(answer.contacts)
-    ]
-    bodies = [
-        [str(i), format_vector(twist.linear), format_vector(twist.angular)]
-        for i, twist in enumerate(answer.twists)
-    ]
+    normal_velocities = answer.normal_velocities_before, answer.normal_velocities_after
+    of_contacts = zip(answer.regimes, answer.contacts, *normal_velocities, answer.impulses, strict=True)
+    contacts = ([str(i), str(cluster_of[i]), *contact_row(*one)] for i, one in enumerate(of_contacts))
+    bodies = (body_row(str(i), twist) for i, twist in enumerate(answer.twists))
     status = StatusCode(getattr(answer.status, "code", answer.status))
     lines = [
-        f"{status.name} by {Law(answer.model.law).name}, error <= {answer.error_bound:.2g}",
-        *format_columns(
-            [*["contact", "cluster", "regime", "e", "mu"], "u before", "u after", "impulse"], contacts
-        ),
-        *format_columns(["body", "velocity", "angular velocity"], bodies),
+        f"{status} by {Law(answer.model.law)}, relative error at most {answer.error_bound:.2g}",
+        *format_columns(["contact", "cluster", *CONTACT_HEAD], contacts),
+        *format_columns(BODY_HEAD, bodies),
         format_energies(answer),
     ]
     if order_sensitivity is not None:
