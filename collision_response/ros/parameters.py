@@ -222,10 +222,11 @@ class DeclaringNode(Node):
         super().__init__(name, automatically_declare_parameters_from_overrides=True, **options)
 
     def declare_parameters(self, namespace: str, parameters: Any, ignore_override: bool = False) -> Any:
-        """Declare parameters. An empty list is refused here, because rclpy would not say the name."""
-        for name, value, *_ in parameters:
-            if value is None:
-                raise StartError(f"{name}: an empty list has no type: write [''] for none")
+        """Declare parameters. An empty list that was given is refused here: rclpy would not say its name."""
+        if ignore_override:  # rclpy declares what was given
+            for name, value, _ in parameters:
+                if value is None:
+                    raise StartError(f"{name}: an empty list has no type: write [''] for none")
         return super().declare_parameters(namespace, parameters, ignore_override)
 
 
