@@ -121,8 +121,8 @@ def propagate_covariance(
     likely = [_behaviour(linearised.derivatives.impact, model)]
     likely += (_behaviour_at(linearised, change) for change in _likely_changes(linearised, root, deviations))
     regimes = tuple(dict.fromkeys(one.regime for one in likely))
-    # Without friction, a contact that sticks is one that just does not slip.
-    differ = {Regime.SEPARATING, *([Regime.STICKING] if contact.friction > 0 or friction_sd > 0 else [])}
+    has_friction = contact.friction > 0 or friction_sd > 0  # if not, a contact that sticks just does not slip
+    differ = {Regime.SEPARATING, Regime.STICKING} if has_friction else {Regime.SEPARATING}
     has_one_behaviour = len(regimes) == 1 or differ.isdisjoint(regimes)
     may_jump = _has_jump(likely, has_restitution=contact.restitution > 0 or restitution_sd > 0)
     certain = [name for name, sd in zip(COEFFICIENTS, deviations[:2], strict=True) if sd == 0]
