@@ -44,6 +44,7 @@ class Cones {
   static constexpr double SIGMA = 1e6, GIVE = 1e-14;  // of contacts that fully take part
   static constexpr double FIRM_SIGMA = is_scalar<R> ? SIGMA : 1e20;  // beside heavy bodies
   static constexpr int ROUNDS = 6;  // at most
+  static constexpr int PARTIAL_ROUNDS = 3;  // for contacts that take less than their full part
   static constexpr double KEPT = 1e-12;  // relative error of N y: no further rounds are needed
   static constexpr double GREATEST_FACTOR = 100, LEAST_FACTOR = 1.2;  // by which rho is raised at once
   static constexpr int MAX_STEPS = 60;
@@ -112,21 +113,34 @@ class Cones {
     solve_from_zero();
     return go_on();
   }
-  // The same, from the solution in fewer digits.
+  // The same, from the solution in fewer digits; from nothing, if that diverged.
   template <class S>
   double solve_from(const Cones<S>& coarse) {
+    const double without = motion_error();
     for (size_t i = 0; i < x.size(); ++i) x[i] = lifted<R>(coarse.x[i]);
     for (size_t i = 0; i < P.size(); ++i)
       for (int k = 0; k < 3; ++k) P[i][k] = lifted<R>(coarse.P[i][k]);
+    if (!(motion_error() <= without)) {
+      restore({std::vector<Axes>(P.size()), z, Vector(x.size())});
+      solve_from_zero();
+    }
     return go_on();
   }
   // The same, from the P at hand.
   double go_on() {
-    if (const double error = keep_velocities(); error <= enough) return error;
+    const auto is_partial = [](const Cone& cone) { return cone.part < 1; };
+    const bool are_partial = std::any_of(cones.begin(), cones.end(), is_partial);
+    if (!are_partial)
+      if (const double error = keep_velocities(); error <= enough) return error;
     Bounds bounds = finish_round();
     double error = bounds.of_round;
-    for (int round = 1; round < ROUNDS && !bounds.are_kept && bounds.of_kept > enough && work < BUDGET; ++round) {
-      multipliers.assign(x.begin() + 6 * body_count, x.end());
+    auto goes_on = [&](int round) {
+      if (bounds.of_kept <= enough) return false;
+      return (are_partial && round < PARTIAL_ROUNDS) || (!bounds.are_kept && work < BUDGET);
+    };
+    for (int round = 1; round < ROUNDS && goes_on(round); ++round) {
+      for (size_t i = 0; i < multipliers.size(); ++i)
+        if (!is_partial(cones[i]) || round < PARTIAL_ROUNDS) multipliers[i] = x[6 * body_count + i];
       lagrangian_step(FIRST_RHO, P, false, 60);
       bounds = finish_round();
       error += std::sqrt(2) * bounds.of_round;  // lambda_0 has the error of the round before
@@ -223,9 +237,12 @@ class Cones {
     from = std::move(Q);
     Vector trial, best;
     if (from_start) {
+      trial = x;
       evaluate(x, true);
       newton();
       increase(x, 1, step);
+      evaluate(x, false);
+      if (!(norm(gradient) < INFINITY)) x = trial;
     }
     R value = evaluate(x, false);
     double off = norm(gradient), small = (1e-14 + 2e-16 * rho) * (is_scalar<R> ? 1 : 0x1p-44 * fastest);
@@ -247,6 +264,10 @@ class Cones {
         now = evaluate(trial, false);
         off = norm(gradient);
         if (off <= old / 2 || less_equal(now, value + 1e-4 * length * slope) || is_near || length < 1e-3) break;
+      }
+      if (off == INFINITY) {
+        evaluate(x, false);
+        return false;
       }
       if (is_near && off >= old && ++tries == TRIES) {
         x = best;
@@ -374,8 +395,11 @@ class Cones {
     return std::sqrt(square);
   }
   static double norm(const Vector& g) {
-    double most = 0;
-    for (const R& v : g) most = std::max(most, std::fabs(high(v)));
+    double most = 0;  // infinite if a component is not a number
+    for (const R& v : g) {
+      const double size = std::fabs(high(v));
+      if (!(size <= most)) most = size < INFINITY ? size : INFINITY;
+    }
     return most;
   }
   static Axes velocity(const Cone& cone, const R* y) {

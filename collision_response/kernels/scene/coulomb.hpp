@@ -37,10 +37,11 @@
 #include "motion.hpp"
 #include "projection.hpp"
 
+constexpr double SHARING = 1e-9;  // for contacts whose normals or lever arms differ by 3e-5
+
 // The impulses >= 0 of nearly the same effect as p with nearly the least norm: those that minimise the square of the
 // difference in the effect, plus SHARING times the norm. Moving walls are one more body, which their work moves.
 inline Vector nearly_least_norm(const Assembly& assembly, const Vector& p) {
-  constexpr double SHARING = 1e-9;  // for contacts whose normals or lever arms differ by 3e-5
   const int count = assembly.count, walls = assembly.body_count;
   double greatest = 0, fastest = 0, mean = 0;
   for (int i = 0; i < count; ++i) {
@@ -72,34 +73,69 @@ inline Vector nearly_least_norm(const Assembly& assembly, const Vector& p) {
   return nearly;
 }
 
-// How much part in the loads each contact takes. 1: it is loaded if loads of the same effect are shared; other loads
-// would depend on the order of the contacts. Less: it is loaded if loads of nearly the same effect are, as the fourth
-// corner of a box whose corners are slightly off a plane. Sets the loads shared.
+// The pivot up to which contacts nearly depend on others: half of the digits of double-double.
+constexpr double NEARLY_DEPENDENT = 1e-18;
+
+// Up to which loads of independent contacts, relative to the greatest, rounding may decide: the more, the more nearly
+// they depend on each other.
+inline Vector rounding_of_loads(const Assembly& assembly) {
+  constexpr double ROUNDING = 0x1p-72;
+  const std::vector<DD> matrix = assembly.couplings<DD>();
+  ActiveSet<DD> basis(matrix.data(), assembly.count);
+  basis.span(assembly.all_contacts(), NEARLY_DEPENDENT);
+  const std::vector<DD> diagonal = basis.diagonal_of_inverse();
+  Vector rounding(assembly.count, INFINITY);
+  for (size_t k = 0; k < diagonal.size(); ++k) rounding[basis.members[k]] = ROUNDING * diagonal[k].h;
+  return rounding;
+}
+
+// How much part in the loads each contact takes, from 0 to 1. It takes part if it is loaded, where loads of the same
+// effect are shared; other loads would depend on the order of the contacts. It takes less if it is loaded where loads of
+// nearly the same effect are, as the fourth corner of a box whose corners are slightly off a plane; or if its load may be
+// rounding. Sets the loads shared.
 inline Vector parts_in_loads(const Assembly& assembly, const std::vector<DD>& given, double greatest, Vector& shared) {
-  // Loads up to which they may be rounding: relative to the greatest, as given; and to that of their bodies, once shared.
-  constexpr double UNLOADED = 0x1p-80, UNSHARED = 1e-10;
-  constexpr double LEAST = 1e-6;
+  constexpr double SMALL = 1e-10, LEAST = 1e-6;  // a load, relative to those of its bodies; a part
+  constexpr double NO_SHARE = 1e-8;  // components of impulses that do nothing
   const std::vector<AssembledContact>& contacts = assembly.contacts;
   const int count = assembly.count;
-  Vector most(assembly.body_count), part(count), nearly;  // most: the greatest load of each body
+  Vector part(count), nearly, rounding;
   std::vector<DD> precise = given;
-  least_norm(assembly, precise, false);
+  const NullImpulses null = null_impulses(assembly, LEAST_EFFECT);
+  if (!null.basis.empty()) minimise_norm(assembly, precise, false, null.basis, NO_SHARE);
   shared = rounded(precise.data(), count);
-  for (int i = 0; i < count; ++i)
-    for (int body : contacts[i].body)
-      if (body >= 0) most[body] = std::fmax(most[body], shared[i] / contacts[i].scale);
-  auto nearby = [&](int i) {
-    double load = 0;
-    for (int body : contacts[i].body)
-      if (body >= 0) load = std::fmax(load, most[body]);
-    return load > 0 ? load : greatest;
+  // The loads, relative to the greatest of the body that has less, and at least to that of all times `least`.
+  auto relative = [&](const Vector& loads, double least) {
+    Vector most(assembly.body_count), part(count);
+    for (int i = 0; i < count; ++i)
+      for (int body : contacts[i].body)
+        if (body >= 0) most[body] = std::fmax(most[body], loads[i] / contacts[i].scale);
+    for (int i = 0; i < count; ++i) {
+      double nearby = INFINITY;
+      for (int body : contacts[i].body)
+        if (body >= 0) nearby = std::fmin(nearby, most[body]);
+      part[i] = loads[i] / contacts[i].scale / std::fmax(nearby, least * greatest);
+    }
+    return part;
   };
+  auto is_independent = [&](int i) {
+    return std::all_of(null.basis.begin(), null.basis.end(),
+                       [&](const std::vector<DD>& z) { return std::fabs(z[i].h) < NO_SHARE * contacts[i].scale; });
+  };
+  const Vector exactly = relative(shared, 1e-20);
   for (int i = 0; i < count; ++i) {
-    part[i] = shared[i] / contacts[i].scale > (shared[i] == given[i].h ? UNLOADED * greatest : UNSHARED * nearby(i));
-    if (part[i] > 0) continue;
-    if (nearly.empty()) nearly = nearly_least_norm(assembly, shared);
-    const double load = nearly[i] / contacts[i].scale / nearby(i);
-    part[i] = load > LEAST ? std::fmin(load, 1) : 0;
+    if (exactly[i] > SMALL) {
+      part[i] = 1;
+      continue;
+    }
+    if (is_independent(i)) {
+      if (rounding.empty()) rounding = rounding_of_loads(assembly);
+      part[i] = shared[i] / contacts[i].scale / (rounding[i] * greatest);
+    }
+    if (!(part[i] >= 1)) {
+      if (nearly.empty()) nearly = relative(nearly_least_norm(assembly, rounded(given.data(), count)), SHARING / LEAST);
+      part[i] = std::fmax(part[i], nearly[i]);
+    }
+    part[i] = part[i] > LEAST ? std::fmin(part[i], 1) : 0;
   }
   return part;
 }
@@ -116,7 +152,7 @@ inline double error_for_bound(const Assembly& assembly, const Vector& y, double 
   return bound * largest / worst;
 }
 
-constexpr double ACCEPTED_IN_DOUBLES = 9e-7;  // a bound on the error of an answer: no need for double-double
+constexpr double ACCEPTED_IN_DOUBLES = 8e-7;  // a bound on the error of an answer: no need for double-double
 
 // A bound on the multipliers that keep normal velocities u+ of the contacts `loaded` where all of them stick: for a
 // basis S of these, and the roots a of the diagonal of A_SS^-1,
@@ -125,7 +161,7 @@ constexpr double ACCEPTED_IN_DOUBLES = 9e-7;  // a bound on the error of an answ
 inline Vector sticking_multipliers(const Assembly& assembly, const std::vector<int>& loaded, const Vector& u) {
   const std::vector<DD> matrix = assembly.couplings<DD>();  // beside heavy bodies, doubles lose its digits
   ActiveSet<DD> basis(matrix.data(), assembly.count);
-  basis.span(loaded);
+  basis.span(loaded, NEARLY_DEPENDENT);
   const std::vector<DD> diagonal = basis.diagonal_of_inverse();
   Vector of_contact(assembly.count), multipliers;
   double size = 0;
@@ -170,11 +206,16 @@ inline ClusterImpulses least_work_friction(const Assembly& assembly, const Clust
   int count = assembly.count;
   ClusterImpulses result = frictionless;
   const Vector given = rounded(frictionless.normal.data(), count);
-  double mean = 0, speed = 0;
-  for (int i = 0; i < count; ++i) speed = std::fmax(speed, given[i] / assembly.contacts[i].scale);
-  if (!(speed > 0)) return result;
+  auto greatest = [&](const Vector& loads) {
+    double most = 0;
+    for (int i = 0; i < count; ++i) most = std::fmax(most, loads[i] / assembly.contacts[i].scale);
+    return most;
+  };
+  if (!(greatest(given) > 0)) return result;
   Vector shared;
-  const Vector part = parts_in_loads(assembly, frictionless.normal, speed, shared);
+  const Vector part = parts_in_loads(assembly, frictionless.normal, greatest(given), shared);
+  const double speed = greatest(shared);
+  double mean = 0;
   std::vector<int> loaded;
   bool has_friction = false;
   Motion as_given(assembly);
@@ -244,7 +285,7 @@ inline ClusterImpulses least_work_friction(const Assembly& assembly, const Clust
     }
     return sum;
   };
-  if (const double gain = work(moved, P) - work(as_given, normal_only); gain > 0x1p-48 * size) {
+  if (const double gain = work(moved, P) - work(as_given, normal_only); !(gain - 0x1p-48 * size <= 0)) {
     result.error += std::sqrt(square) * speed;
     return result;
   }

@@ -106,12 +106,14 @@ inline NullImpulses null_impulses(const Assembly& assembly, double enough) {
   return found.are_complete ? found : null_impulses_in<DD>(assembly, enough, MOST, MOST);
 }
 
+// Rounding of impulses, relative to the greatest.
+template <class R> constexpr double ROUNDING = is_scalar<R> ? 0x1p-46 : 0x1p-88;
+
 // Replace p by the p + Z z >= 0 of least norm. Returns whether that is known to all digits: components of Z up to SMALL
-// may be rounding, and do not keep p from changing.
+// may be rounding, and do not keep p from changing. Those up to `left_out` are taken for 0.
 template <class R>
 bool minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies,
-                   const std::vector<std::vector<DD>>& basis) {
-  constexpr double ROUNDING = is_scalar<R> ? 0x1p-46 : 0x1p-88;
+                   const std::vector<std::vector<DD>>& basis, double left_out = ROUNDING<R>) {
   constexpr double SMALL = is_scalar<R> ? 1e-10 : 1e-14;
   const int count = assembly.count;
   bool is_known = true;
@@ -140,7 +142,7 @@ bool minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies
     for (int i = 0; i < count; ++i) {
       R& x = Z[k][i];
       x = x / length;
-      if (std::fabs(high(x)) < ROUNDING) x = R{};
+      if (std::fabs(high(x)) < left_out) x = R{};
       else used[k].push_back(i);
     }
   }
@@ -175,19 +177,19 @@ bool minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies
   Minimum<R> solved = with_room(0);
   // Where impulses are just 0, rounding may leave no solution without some room below 0.
   for (double room : {1e-24, 1e-18, 1e-13, 1e-9})
-    if (room > ROUNDING && solved.status != MinimumStatus::FOUND) solved = with_room(room);
+    if (room > ROUNDING<R> && solved.status != MinimumStatus::FOUND) solved = with_room(room);
   if (solved.status != MinimumStatus::FOUND) return false;
   std::vector<R> x(count);
   for (int i : among) x[i] = solved.x[i] * s[i];
   for (size_t k = 0; k < Z.size(); ++k) add_to_P(along(x, k), k);
-  for (int i = 0; i < count; ++i) p[i] = high(x[i]) > 0 || high(P[i]) <= ROUNDING * terms[i] ? R{} : P[i] / weight[i];
+  for (int i = 0; i < count; ++i)
+    p[i] = high(x[i]) > 0 || high(P[i]) <= ROUNDING<R> * terms[i] ? R{} : P[i] / weight[i];
   return is_known;
 }
 
 // Replace p by the impulses >= 0 of the same effect with the least sum of n.n p^2, over all copies of contacts if
 // `over_copies`.
-template <class R>
-void least_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies) {
-  const NullImpulses found = null_impulses(assembly, is_scalar<R> ? NO_EFFECT : LEAST_EFFECT);
+inline void least_norm(const Assembly& assembly, Vector& p, bool over_copies) {
+  const NullImpulses found = null_impulses(assembly, NO_EFFECT);
   if (!found.basis.empty()) minimise_norm(assembly, p, over_copies, found.basis);
 }

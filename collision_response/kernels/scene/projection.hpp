@@ -93,6 +93,7 @@ Projection project_with(const Assembly& assembly, const std::vector<R>& matrix, 
     }
     if (worst >= 0) {
       q[active.members[worst]] = DD{0, 0};
+      is_current = false;
       active.drop(worst);
       continue;
     }
