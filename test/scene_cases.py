@@ -315,6 +315,15 @@ def assert_within_bound(scene: Scene, answer: SceneImpact, exact: SceneImpact) -
         assert max(errors) <= answer.error_bound * max(sizes) * (1 + 1e-9)
 
 
+def shuffled(scene: Scene, seed: int) -> tuple[Scene, list[int]]:
+    """The same scene with bodies and contacts in another order, and the new place of each body."""
+    rng = random.Random(seed)
+    bodies, contacts = (rng.sample(range(n), n) for n in (len(scene.bodies), len(scene.contacts)))
+    place = [bodies.index(b) for b in range(len(bodies))]
+    pairs = [(place[a], place[b]) for a, b in (scene.pairs[i] for i in contacts)]
+    return Scene([scene.bodies[b] for b in bodies], pairs, [scene.contacts[i] for i in contacts]), place
+
+
 def reordered(scene: Scene, turn: int) -> Scene:
     """The same contacts in another order, some with their bodies swapped."""
     count = len(scene.pairs)

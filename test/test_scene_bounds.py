@@ -9,22 +9,13 @@ import math
 import random
 
 import pytest
-from scene_cases import Scene, assert_within_bound, distance, tower
+from scene_cases import Scene, assert_within_bound, distance, shuffled, tower
 
 from collision_response import Adjustment, Body, Contact, Law
 from collision_response.physics.vector import Vec3
 
 SMALL = 1e-6
 CORNERS = [(x, y) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
-
-
-def shuffled(scene: Scene, seed: int) -> tuple[Scene, list[int]]:
-    """The same scene with bodies and contacts in another order, and the new place of each body."""
-    rng = random.Random(seed)
-    bodies, contacts = (rng.sample(range(n), n) for n in (len(scene.bodies), len(scene.contacts)))
-    place = [bodies.index(b) for b in range(len(bodies))]
-    pairs = [(place[a], place[b]) for a, b in (scene.pairs[i] for i in contacts)]
-    return Scene([scene.bodies[b] for b in bodies], pairs, [scene.contacts[i] for i in contacts]), place
 
 
 def assert_small_bound_in_any_order(scene: Scene, most: float = SMALL, law: Law = Law.COULOMB) -> None:

@@ -7,7 +7,7 @@ import random
 
 import numpy as np
 import pytest
-from scene_cases import Scene, assert_within_bound, box, change_norm, distance, reordered
+from scene_cases import Scene, assert_within_bound, box, change_norm, distance, reordered, shuffled
 
 from collision_response import Body, Contact, ImpactModel, Law, StatusCode, resolve_scene
 from collision_response.physics.orientation import Quaternion
@@ -98,6 +98,58 @@ def test_a_load_at_the_edge_of_a_patch_is_shared_along_the_edge(off, seed):
         answer = scene._replace(contacts=rng.sample(contacts, 12)).resolve()
         assert answer.error_bound < 0.05
         assert distance(scene, answer, flat) <= answer.error_bound + flat.error_bound + 100 * off
+
+
+def uneven_rebounds(seed: int) -> Scene:
+    """A stack of up to three boxes. Contacts differ much in restitution, and hardly in normals and points."""
+    rng = random.Random(seed)
+    count = rng.randint(1, 3)
+    bodies = [
+        Body.box(
+            rng.choice((1, 1, 1e-6, 1e6, 0.3)),
+            (1, 1, 1),
+            position=(0, 0, k + 0.5),
+            velocity=(rng.choice((0, 0, 1, 1e3)), rng.choice((0, 0, 0.5)), rng.choice((-1, -1, 0, -1e-9))),
+            angular_velocity=rng.choice(((0, 0, 0), (0, 0, 0), (0.5, 0, 0), (0, 0, 3), (1e-12, 0, 0))),
+        )
+        for k in range(count)
+    ]
+    wall = Body.static()
+    if rng.random() >= 0.6:
+        velocity = rng.choice(((0, 0, 0.5), (1, 0, 0), (0, 0, -0.3)))
+        wall = Body.kinematic((0, 0, 0), velocity, rng.choice(((0, 0, 0), (0, 0, 1))))
+    patches = (
+        CORNERS,
+        [(-0.5, 0), (0, 0), (0.5, 0)],
+        [(-0.5, -0.5), (0.5, 0.5), (0, 0), (0.5, -0.5)],
+        [(-0.5, -0.5), (-0.5, -0.5), (0.5, 0.5), (-0.5, 0.5), (0.5, -0.5)],
+    )
+    pairs, contacts = [], []
+    for k in range(count):
+        for x, y in rng.choice(patches):
+            normal = rng.choice(((0, 0, 1), (0, 0, 1), (0, 0, 2), (0, 1e-12, 1), (0, 1e-5, 1)))
+            point = (x, y, k + rng.choice((0, 0, 1e-10)))
+            pairs.append((k, k - 1 if k else count))
+            contacts.append(
+                Contact.of(point, normal, rng.choice((0, 0.5, 0.5, 1)), rng.choice((0, 0.3, 0.3, 1, 1e6)))
+            )
+    if rng.random() < 0.3:
+        pairs.append((0, count))
+        contacts.append(Contact.of((0.5, 0, 0.5), (-1, 0, 0), 0.5, 0.3))
+    return Scene([*bodies, wall], pairs, contacts)
+
+
+UNEVEN = [*range(60), 77, 98, 152, 325, 343, 899, 929, 1135, 1182, 1216, 1220, 1387, 1574, 2141, 2240, 2326]
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
+@pytest.mark.parametrize("seed", UNEVEN)
+def test_uneven_rebounds_have_one_answer_in_any_order(seed, law):
+    scene = uneven_rebounds(seed)
+    other, place = shuffled(scene, seed)
+    one, again = scene.resolve(law), other.resolve(law)
+    again = again._replace(changes=[again.changes[k] for k in place])
+    assert distance(scene, one, again) <= one.error_bound + again.error_bound
 
 
 LEGS = {
@@ -224,8 +276,8 @@ def test_a_light_box_between_heavy_ones_does_not_hide_how_loads_are_shared(masse
     ]
     for seed in range(5):
         order = random.Random(seed).sample(range(12), 12)
-        shuffled = [contacts[i] for i in order]
-        answer = resolve_scene([*bodies, Body.static()], [pairs[i] for i in order], shuffled)
+        others = [contacts[i] for i in order]
+        answer = resolve_scene([*bodies, Body.static()], [pairs[i] for i in order], others)
         assert answer.contacts[0].restitution == pytest.approx(0.5)
         assert answer.error_bound < 1e-7
         assert [tuple(change.angular) for change in answer.changes] == [

@@ -38,7 +38,7 @@ def resolve_in_fractions(cluster: RationalCluster, law: Law, threshold: Scalar) 
     impulses = _without_friction(cluster, law, threshold)
     effect = cluster.effect_of(impulses.normal)
     code = StatusCode.INTERNAL_ERROR if effect.is_unphysical else StatusCode.OK
-    return ClusterResult(code, effect, *impulses[1:])
+    return ClusterResult(code, effect, *impulses[1:-1])
 
 
 def decide(
@@ -80,6 +80,8 @@ def _resolve_from_exact_impulses(
     if has_friction:
         law = Law.COULOMB
     impulses = _without_friction(exact, law, options.threshold)
+    if impulses.is_cut_off and not cluster.is_locked:  # the kernels have more reflections, without a bound
+        return resolve_in_kernels(cluster, parts, options, options.law, NOTHING_DECIDED)
     decided = Decided(
         list(map(float, exact.least_norm(impulses.normal))),
         margin=float(impulses.margin),

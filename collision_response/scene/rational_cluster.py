@@ -35,13 +35,17 @@ ROUNDING = Fraction(1, 2**40)
 
 
 class RationalImpulses(NamedTuple):
-    """Impulses along the normals, in fractions; the rest as in :class:`ClusterResult`."""
+    """Impulses along the normals, in fractions; the rest as in :class:`ClusterResult`.
+
+    ``is_cut_off`` says whether reflections were too long for fractions.
+    """
 
     normal: Numbers
     margin: Scalar = math.inf
     restitution: Scalar | None = None
     no_rebound: bool = False
     fell_back: bool = False
+    is_cut_off: bool = False
 
 
 class RationalCluster:

@@ -95,7 +95,7 @@ def _reflections(cluster: RationalCluster, threshold: Fraction) -> RationalImpul
         longest = max(max(x.numerator.bit_length(), x.denominator.bit_length()) for x in p)
         digits += len(p) ** 2 * max(longest, LEAST_DIGITS)
         if digits > DIGITS:
-            return endless
+            return endless._replace(is_cut_off=True)
     else:
         return endless
     p = [e * x + (1 - e) * y for x, y in zip(p, inelastic, strict=True)]

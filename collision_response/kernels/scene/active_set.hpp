@@ -17,6 +17,8 @@ template <class R> constexpr double DEPENDENT = 1e-11;
 template <class R> constexpr double UNMOVED = 1e-14;
 template <> inline constexpr double DEPENDENT<DD> = 1e-29;
 template <> inline constexpr double UNMOVED<DD> = 1e-30;
+// A pivot below which only half of the digits of double-double are known.
+constexpr double NEARLY_DEPENDENT = 1e-18;
 
 template <class R>
 class ActiveSet {
@@ -69,6 +71,9 @@ class ActiveSet {
     }
     return left;
   }
+
+  // How far the last active column is from dependent on the others.
+  double last_pivot() const { return high(factor.back() * factor.back()); }
 
   void drop(size_t place) {
     std::vector<int> later(members.begin() + place + 1, members.end());

@@ -73,9 +73,6 @@ inline Vector nearly_least_norm(const Assembly& assembly, const Vector& p) {
   return nearly;
 }
 
-// The pivot up to which contacts nearly depend on others: half of the digits of double-double.
-constexpr double NEARLY_DEPENDENT = 1e-18;
-
 // Up to which loads of independent contacts, relative to the greatest, rounding may decide: the more, the more nearly
 // they depend on each other.
 inline Vector rounding_of_loads(const Assembly& assembly) {

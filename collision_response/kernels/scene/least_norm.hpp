@@ -109,14 +109,13 @@ inline NullImpulses null_impulses(const Assembly& assembly, double enough) {
 // Rounding of impulses, relative to the greatest.
 template <class R> constexpr double ROUNDING = is_scalar<R> ? 0x1p-46 : 0x1p-88;
 
-// Replace p by the p + Z z >= 0 of least norm. Returns whether that is known to all digits: components of Z up to SMALL
-// may be rounding, and do not keep p from changing. Those up to `left_out` are taken for 0.
+// Replace p by the p + Z z >= 0 of least norm. Components of Z up to SMALL may be rounding, and do not keep p from
+// changing. Returns whether none of them would have. Those up to `left_out` are taken for 0.
 template <class R>
 bool minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies,
                    const std::vector<std::vector<DD>>& basis, double left_out = ROUNDING<R>) {
   constexpr double SMALL = is_scalar<R> ? 1e-10 : 1e-14;
   const int count = assembly.count;
-  bool is_known = true;
   std::vector<std::vector<R>> Z(basis.size(), std::vector<R>(count));
   std::vector<std::vector<int>> used(basis.size());  // the contacts for which each of them is not 0
   std::vector<R> P(count);
@@ -161,10 +160,7 @@ bool minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies
   for (int i = 0; i < count; ++i) {
     greatest = std::fmax(greatest, std::fabs(high(P[i])));
     const R square = dual[i * count + i];
-    if (!(high(square) > SMALL * SMALL)) {
-      is_known = is_known && high(square) == 0;
-      continue;
-    }
+    if (!(high(square) > SMALL * SMALL)) continue;
     s[i] = constant<R>(1) / root(square);
     among.push_back(i);
   }
@@ -182,8 +178,11 @@ bool minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies
   std::vector<R> x(count);
   for (int i : among) x[i] = solved.x[i] * s[i];
   for (size_t k = 0; k < Z.size(); ++k) add_to_P(along(x, k), k);
-  for (int i = 0; i < count; ++i)
+  bool is_known = true;
+  for (int i = 0; i < count; ++i) {
+    if (high(s[i]) == 0) is_known = is_known && high(P[i]) >= -ROUNDING<R> * terms[i];
     p[i] = high(x[i]) > 0 || high(P[i]) <= ROUNDING<R> * terms[i] ? R{} : P[i] / weight[i];
+  }
   return is_known;
 }
 

@@ -124,7 +124,7 @@ struct Reflections {
     //     sum (e_i - e) u_i (q*_i - q_i) = z.A (q* - q) <= sqrt(z.A z) |M^-1 N (q* - q)|    for A z = (e_i - e) u_i
     const std::vector<DD> matrix = assembly.couplings<DD>();
     ActiveSet<DD> basis(matrix.data(), assembly.count);
-    const bool depends = !basis.span(pressed).empty();
+    const bool depends = !basis.span(pressed).empty(), nearly_depends = basis.last_pivot() < NEARLY_DEPENDENT;
     std::vector<DD> z;
     for (int i : basis.members) {
       const AssembledContact& contact = assembly.contacts[i];
@@ -145,9 +145,9 @@ struct Reflections {
       }
       if (size > 0) doubt += std::fabs(work) / size * (greatest / load) / -high(below);
     }
-    error = width(e) + doubt + (is_known ? 0x1p-53 : 0x1p-36 * (most - least));
+    error = width(e) + doubt + 0x1p-53;
     // These digits do not tell which contacts carry the load; fractions may.
-    if ((depends && is_unique) || doubt > 0x1p-30) error = INFINITY;
+    if ((depends && is_unique) || nearly_depends || !is_known || doubt > 0x1p-30) error = INFINITY;
     return std::fmin(std::fmax(high(e), 0), 1);
   }
 
