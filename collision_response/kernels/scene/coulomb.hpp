@@ -124,7 +124,7 @@ inline Vector parts_in_loads(const Assembly& assembly, const std::vector<DD>& gi
       part[i] = 1;
       continue;
     }
-    if (is_independent(i)) {
+    if (shared[i] > 0 && is_independent(i)) {
       if (rounding.empty()) rounding = rounding_of_loads(assembly);
       part[i] = shared[i] / contacts[i].scale / (rounding[i] * greatest);
     }
