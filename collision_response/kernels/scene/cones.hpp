@@ -6,8 +6,9 @@
 // if asked, with given normal velocities N y = c. Multipliers lambda keep these, by rounds of the proximal method: each
 // adds  sigma |N y - c - lambda_0 / sigma|^2 / 2  to the work, for the lambda_0 of the round before. ROUNDS of them give
 // N y = c to all digits, except where contacts depend on each other so nearly that 1e-3 of their normals or lever arms
-// decides: there, nothing is kept. So it does not matter which of these contacts would be kept exactly. Where a body is
-// much heavier than one that it touches, keeping its velocities takes a greater sigma, and double-double.
+// decides: there, nothing is kept. So it does not matter which of these contacts would be kept exactly. What lies between
+// is kept by a fixed number of rounds, PARTIAL_ROUNDS, in any digits. Where a body is much heavier than one that it
+// touches, keeping its velocities takes a greater sigma, and double-double.
 //
 // The dual has no constraints, and a single velocity eta for all bodies, however many contacts there are. P and (eta,
 // lambda) solve the programme of a round and its dual where

@@ -86,12 +86,29 @@ inline Vector rounding_of_loads(const Assembly& assembly) {
   return rounding;
 }
 
+// The loads, relative to the greatest of the body that has less, and at least to `least`.
+inline Vector relative_loads(const Assembly& assembly, const Vector& loads, double least) {
+  const std::vector<AssembledContact>& contacts = assembly.contacts;
+  Vector relative(assembly.count), most(assembly.body_count);  // most: the greatest load of each body
+  for (int i = 0; i < assembly.count; ++i)
+    for (int body : contacts[i].body)
+      if (body >= 0) most[body] = std::fmax(most[body], loads[i] / contacts[i].scale);
+  for (int i = 0; i < assembly.count; ++i) {
+    double nearby = INFINITY;
+    for (int body : contacts[i].body)
+      if (body >= 0) nearby = std::fmin(nearby, most[body]);
+    relative[i] = loads[i] / contacts[i].scale / std::fmax(nearby, least);
+  }
+  return relative;
+}
+
 // How much part in the loads each contact takes, from 0 to 1. It takes part if it is loaded, where loads of the same
 // effect are shared; other loads would depend on the order of the contacts. It takes less if it is loaded where loads of
 // nearly the same effect are, as the fourth corner of a box whose corners are slightly off a plane; or if its load may be
 // rounding. Sets the loads shared.
 inline Vector parts_in_loads(const Assembly& assembly, const std::vector<DD>& given, double greatest, Vector& shared) {
   constexpr double SMALL = 1e-10, LEAST = 1e-6;  // a load, relative to those of its bodies; a part
+  constexpr double NO_LOAD = 1e-20;  // of a body, relative to the greatest
   constexpr double NO_SHARE = 1e-8;  // components of impulses that do nothing
   const std::vector<AssembledContact>& contacts = assembly.contacts;
   const int count = assembly.count;
@@ -100,25 +117,11 @@ inline Vector parts_in_loads(const Assembly& assembly, const std::vector<DD>& gi
   const NullImpulses null = null_impulses(assembly, LEAST_EFFECT);
   if (!null.basis.empty()) minimise_norm(assembly, precise, false, null.basis, NO_SHARE);
   shared = rounded(precise.data(), count);
-  // The loads, relative to the greatest of the body that has less, and at least to that of all times `least`.
-  auto relative = [&](const Vector& loads, double least) {
-    Vector most(assembly.body_count), part(count);
-    for (int i = 0; i < count; ++i)
-      for (int body : contacts[i].body)
-        if (body >= 0) most[body] = std::fmax(most[body], loads[i] / contacts[i].scale);
-    for (int i = 0; i < count; ++i) {
-      double nearby = INFINITY;
-      for (int body : contacts[i].body)
-        if (body >= 0) nearby = std::fmin(nearby, most[body]);
-      part[i] = loads[i] / contacts[i].scale / std::fmax(nearby, least * greatest);
-    }
-    return part;
-  };
   auto is_independent = [&](int i) {
     return std::all_of(null.basis.begin(), null.basis.end(),
                        [&](const std::vector<DD>& z) { return std::fabs(z[i].h) < NO_SHARE * contacts[i].scale; });
   };
-  const Vector exactly = relative(shared, 1e-20);
+  const Vector exactly = relative_loads(assembly, shared, NO_LOAD * greatest);
   for (int i = 0; i < count; ++i) {
     if (exactly[i] > SMALL) {
       part[i] = 1;
@@ -129,7 +132,10 @@ inline Vector parts_in_loads(const Assembly& assembly, const std::vector<DD>& gi
       part[i] = shared[i] / contacts[i].scale / (rounding[i] * greatest);
     }
     if (!(part[i] >= 1)) {
-      if (nearly.empty()) nearly = relative(nearly_least_norm(assembly, rounded(given.data(), count)), SHARING / LEAST);
+      // Sharing gives loads of about SHARING to bodies that have none.
+      if (nearly.empty())
+        nearly = relative_loads(assembly, nearly_least_norm(assembly, rounded(given.data(), count)),
+                                SHARING / LEAST * greatest);
       part[i] = std::fmax(part[i], nearly[i]);
     }
     part[i] = part[i] > LEAST ? std::fmin(part[i], 1) : 0;
