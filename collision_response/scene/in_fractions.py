@@ -38,7 +38,9 @@ def resolve_in_fractions(cluster: RationalCluster, law: Law, threshold: Scalar) 
     impulses = _without_friction(cluster, law, threshold)
     effect = cluster.effect_of(impulses.normal)
     code = StatusCode.INTERNAL_ERROR if effect.is_unphysical else StatusCode.OK
-    return ClusterResult(code, effect, *impulses[1:-1])
+    return ClusterResult(
+        code, effect, impulses.margin, impulses.restitution, impulses.no_rebound, impulses.fell_back
+    )
 
 
 def decide(

@@ -131,8 +131,7 @@ class Cones {
   double go_on() {
     const auto is_partial = [](const Cone& cone) { return cone.part < 1; };
     const bool are_partial = std::any_of(cones.begin(), cones.end(), is_partial);
-    if (!are_partial)
-      if (const double error = keep_velocities(); error <= enough) return error;
+    if (const double error = are_partial ? INFINITY : keep_velocities(); error <= enough) return error;
     Bounds bounds = finish_round();
     double error = bounds.of_round;
     auto goes_on = [&](int round) {
@@ -242,10 +241,12 @@ class Cones {
       evaluate(x, true);
       newton();
       increase(x, 1, step);
-      evaluate(x, false);
-      if (!(norm(gradient) < INFINITY)) x = trial;
     }
     R value = evaluate(x, false);
+    if (from_start && norm(gradient) == INFINITY) {
+      x = trial;
+      value = evaluate(x, false);
+    }
     double off = norm(gradient), small = (1e-14 + 2e-16 * rho) * (is_scalar<R> ? 1 : 0x1p-44 * fastest);
     double least = INFINITY;
     int tries = 0;
