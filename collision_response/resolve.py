@@ -24,7 +24,7 @@ from .answer import Impact, relative_difference
 from .arguments import check_number
 from .geometry import reduce_body, reduce_contact
 from .in_python import arbitrary_precision, exact_fractions, friction_along_path
-from .in_python.coefficients_at_speed import initial_friction, restitution_at_speed
+from .in_python.coefficients_at_speed import TO_THE_LAST_DIGIT, initial_friction, restitution_at_speed
 from .in_python.request_numbers import read_request
 from .kernels import library
 from .kernels.protocol import Handover
@@ -191,8 +191,7 @@ def _with_initial_coefficients(body_a: Body, body_b: Body, contact: Contact, mod
         contact = contact._replace(friction=mu)
     if callable(contact.restitution):
         plastic = contact._replace(restitution=0.0, friction=0.0)
-        exact = _changed(model, geometry=Geometry.AUTO, precision=Precision.EXTENDED, tolerance=0.0)
-        normal_velocity = resolve(body_a, body_b, plastic, exact).normal_velocity_before
+        normal_velocity = resolve(body_a, body_b, plastic, TO_THE_LAST_DIGIT).normal_velocity_before
         e = restitution_at_speed(max(-normal_velocity, 0.0), contact, "contact")
         contact = contact._replace(restitution=e)
     return contact

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from itertools import product
 
 import numpy as np
@@ -487,6 +488,18 @@ def test_the_stiffness_ratio_of_two_materials():
     assert stiffness_ratio(Elastic(0.1, math.inf), rubber) == stiffness_ratio(rubber, rubber)
     with pytest.raises(ValueError, match="rigid"):
         stiffness_ratio(Elastic(0.1, math.inf), Elastic(0.3, math.inf))
+
+
+@pytest.mark.parametrize("b", [5e-324, 1e-310, 1e-300, 1.0, 1e300, 1.7e308])
+@pytest.mark.parametrize("a", [5e-324, 1e-310, 1e-300, 1.0, 1e300, 1.7e308])
+def test_the_stiffness_ratio_of_materials_in_any_unit(a, b):
+    """The compliances ``1/G`` may be beyond float64. Fractions are exact."""
+    exact = stiffness_ratio(Elastic(Fraction(1, 4), Fraction(a)), Elastic(Fraction(3, 8), Fraction(b)))
+    normal = Fraction(3, 4) / Fraction(a) + Fraction(5, 8) / Fraction(b)
+    assert exact == normal / (Fraction(7, 8) / Fraction(a) + Fraction(13, 16) / Fraction(b))
+    ratio = stiffness_ratio(Elastic(0.25, a), Elastic(0.375, b))
+    assert ratio == pytest.approx(float(exact), rel=1e-15)
+    assert stiffness_ratio(Elastic(0.375, b), Elastic(0.25, a)) == ratio
 
 
 @pytest.mark.parametrize("ratio", [0.0, -1.0, 1e-7, 1e7])

@@ -22,6 +22,7 @@ from collision_response import (
     ImpactModel,
     Law,
     Precision,
+    Regime,
     StatusCode,
     resolve,
 )
@@ -192,3 +193,27 @@ def test_rescaling_does_not_make_a_mass_infinite(heavy, light):
     impact = resolve(body, other, Contact.of((0, 0, 0), (0, 0, 1)))
     assert impact.kinetic_energy_before == impact.kinetic_energy_after == 10.0**heavy / 2
     assert impact.twist_b.linear == (0, 0, -2)
+
+
+@pytest.mark.parametrize("restitution", [0.0, 1.0])
+@pytest.mark.parametrize("e_t", [0.125, 0.5, 0.875])
+def test_a_tie_of_two_regimes_names_one_of_them(e_t, restitution):
+    """The cone just holds ``kappa = 1 + e_t``, which reverses the slip: STICKING or REVERSED.
+
+    The slip is ``2^180 + 2^80 - 2^180 - (2^40 - 1) (2^40 + 1) = 1``: only arbitrary precision finds it.
+    """
+    ball = Body.dynamic(
+        1.0,
+        (0.125, 0, 0, 0.125, 0, 0.125),
+        position=(0, 0, 0.5),
+        velocity=(2.0**180, 0, -1.0),
+        angular_velocity=(0, 2.0**181, 0),
+    )
+    ground = Body.kinematic((0, 0, -(2.0**40) - 1), (-(2.0**80), 0, 0), (0, 2.0**40 - 1, 0))
+    friction = (1 + e_t) / 3 / (1 + restitution)  # K_tt = 3; this is exact
+    for mu in (math.nextafter(friction, 0), friction, math.nextafter(friction, 1)):
+        contact = Contact.of((0, 0, 0), (0, 0, 1), restitution, mu)
+        impact = resolve(ball, ground, contact, ImpactModel(tangential_restitution=e_t))
+        assert impact.regime in (Regime.STICKING, Regime.REVERSED)
+        assert impact.impulse.x == pytest.approx(-(1 + e_t) / 3, rel=1e-15)
+        assert impact.impulse.z == 1 + restitution

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from fractions import Fraction
 
 import pytest
 
@@ -81,6 +82,22 @@ def test_the_approach_speed_includes_what_a_forced_geometry_leaves_out(geometry,
     assert impact.contact.restitution == 0.1
     error = (impact.impulse - exact.impulse).norm()
     assert error <= impact.error_bound * exact.impulse.norm()
+
+
+@pytest.mark.parametrize("law", EVERY_LAW, ids=lambda law: law.name)
+def test_the_approach_speed_is_right_where_it_cancels(law):
+    """A wheel of 2 * 10^9 m rolls on: what is left of the speed of its rim is 10^-10 of that."""
+    for k in range(1, 40):
+        spin, arm = -0.1 - k / 97, 1e9 + k / 3
+        fall = float(Fraction(spin) * Fraction(arm)) - 0.01 * k
+        exact = Fraction(spin) * Fraction(arm) - Fraction(fall)
+        wheel = Body.dynamic(
+            1.0, (1e18, 0, 0, 1e18, 0, 1e18), velocity=(0, 0, fall), angular_velocity=(0, spin, 0)
+        )
+        speeds = []
+        contact = Contact.of((arm, 0, -0.5), (0, 0, 1), lambda v: speeds.append(v) or 0.5, 0.1)  # noqa: B023
+        resolve(wheel, FLOOR, contact, ImpactModel(law))
+        assert speeds == pytest.approx([float(exact)], rel=1e-15)
 
 
 def test_a_function_answers_where_the_number_does():
@@ -180,11 +197,10 @@ def test_a_threshold_far_below_the_speed_changes_nothing(law, case):
 ANY = st.floats(5e-324, sys.float_info.max)
 
 
-@given(
-    value=st.floats(5e-324, 1), speed=ANY, v=ANY, exponent=st.sampled_from([0.25, 1.0]) | st.floats(0, 1e300)
-)
+@given(value=st.floats(5e-324, 1), speed=ANY, v=ANY, exponent=st.sampled_from([0.25, 1.0]) | st.floats(0))
 @example(5e-324, 2.2e-311, 5e-324, 0.25)  # value and result are subnormal
 @example(5e-324, 1e300, 1e-8, 1.0)  # the factor overflows, the result does not
+@example(0.8, 1.0, 10.0, 1e308)  # the logarithm of the factor overflows
 def test_a_power_law_does_not_overflow(value, speed, v, exponent):
     """Against 60 digits. The rounded logarithms are at most 745 each."""
     e = power_law(value, speed, exponent)(v)

@@ -100,8 +100,10 @@ def _attempt(request: tuple[Body, Body, Contact], model: ImpactModel, plan: Mode
         if not all(map(math.isfinite, numbers_in(rounded[:2]))):
             return Attempt(None, bound)
         rounded_bound = _error_bound((a, b), answer, _error_as_float)
-    if not math.isfinite(rounded_bound) and isinstance(separating, Undecided):
-        rounded = rounded._replace(report=rounded.report._replace(regime=Regime.SEPARATING))
+    is_open = not math.isfinite(rounded_bound) and isinstance(separating, Undecided)
+    # If two regimes are possible, their mean may be a third one.
+    regime = Regime.SEPARATING if is_open else float(Ball(answer.report.regime).arb.lower())
+    rounded = rounded._replace(report=rounded.report._replace(regime=regime))
     return Attempt(rounded, bound, rounded_bound)
 
 

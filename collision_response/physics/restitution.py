@@ -99,7 +99,7 @@ def _power_law(restitution: float, speed: float, exponent: float, v: float) -> f
     log_factor = exponent * _log_quotient(speed, v) if v > 0 else math.inf
     if log_factor >= -math.log(restitution):
         return 1.0
-    first = min(log_factor, 700.0)  # in two steps, because the factor may overflow if restitution is tiny
+    first = max(-1000.0, min(log_factor, 700.0))  # in two steps: the factor, and its logarithm, may overflow
     return min(1.0, restitution * math.exp(first) * math.exp(log_factor - first))
 
 

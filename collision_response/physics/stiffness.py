@@ -14,6 +14,8 @@ Mechanics*, 1985, section 7.2.
 
 from __future__ import annotations
 
+import math
+from operator import attrgetter
 from typing import NamedTuple
 
 from ..arguments import real_number
@@ -41,12 +43,13 @@ def stiffness_ratio(a: Elastic, b: Elastic) -> Scalar:
             positive, or if both materials are rigid.
         TypeError: if a material is not an :class:`Elastic`, or a number of it is not a real number.
     """
-    a, b = _checked("a", a), _checked("b", b)
-    normal = (1 - a.poisson_ratio) / a.shear_modulus + (1 - b.poisson_ratio) / b.shear_modulus
-    tangential = (1 - a.poisson_ratio / 2) / a.shear_modulus + (1 - b.poisson_ratio / 2) / b.shear_modulus
-    if not tangential > 0:
+    softer, stiffer = sorted((_checked("a", a), _checked("b", b)), key=attrgetter("shear_modulus"))
+    if softer.shear_modulus == math.inf:
         reason = "or that of a must be finite: two rigid materials have no ratio of stiffnesses"
         raise ImpactError(StatusCode.INVALID_COEFFICIENT, "b.shear_modulus", reason)
+    share = softer.shear_modulus / stiffer.shear_modulus  # 1/G may be beyond float64
+    normal = (1 - softer.poisson_ratio) + (1 - stiffer.poisson_ratio) * share
+    tangential = (1 - softer.poisson_ratio / 2) + (1 - stiffer.poisson_ratio / 2) * share
     return normal / tangential  # compliances, so the ratio of stiffnesses is this way up
 
 
