@@ -205,7 +205,7 @@ def round_trips(service: str, request: Any, *names: str) -> Samples:
             command = (
                 _self("echo")
                 if name == "echo"
-                else [str(Path(sys.executable).with_name("collision_response_node"))]
+                else [str(Path(sys.executable).with_name("collision_response")), "node"]
             )
             stack.enter_context(server(command, name, *(record if name == "recording" else ())))
         is_batch = service.endswith("batch")

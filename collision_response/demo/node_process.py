@@ -10,7 +10,7 @@ import sysconfig
 import tempfile
 from typing import Any
 
-EXECUTABLE = "collision_response_node"
+EXECUTABLE = "collision_response"
 SHUTDOWN_TIME = 30.0
 """Longest time for the node to answer what has arrived and to complete its recording [s].
 
@@ -40,7 +40,7 @@ class NodeProcess:
         self._output = tempfile.TemporaryFile("w+")  # noqa: SIM115, closed with the process
         # In its own session, so that Ctrl-C reaches only the demo, which then ends the node properly.
         self._process = subprocess.Popen(
-            [find_executable(), "--ros-args", *arguments],
+            [find_executable(), "node", *arguments],
             stdin=subprocess.DEVNULL,
             stderr=self._output,
             start_new_session=True,
@@ -73,9 +73,9 @@ class NodeProcess:
 
 
 def find_executable() -> str:
-    """Path of the node's executable, as installed by pip or by colcon."""
+    """Path of the command line, as installed by pip or by colcon."""
     prefixes = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
-    places = [sysconfig.get_path("scripts"), *(f"{p}/lib/collision_response" for p in prefixes)]
+    places = [sysconfig.get_path("scripts"), *(f"{p}/bin" for p in prefixes)]
     found = shutil.which(EXECUTABLE, path=os.pathsep.join(places))
     if found is None:
         raise NodeFailed(f"no executable {EXECUTABLE} in {', '.join(places)}")
