@@ -6,6 +6,7 @@ import ast
 import re
 import subprocess
 import sys
+from operator import attrgetter
 from pathlib import Path
 
 import pytest
@@ -139,6 +140,16 @@ def test_gazebo_contacts_become_a_request(graph):
     assert list(result.body_names) == ["ground_plane", "crate"]
     assert result.twists[1].linear.z == pytest.approx(1.0)
     assert sum(impulse.z for impulse in result.impulses) == pytest.approx(2.0)
+
+
+def test_the_request_of_the_example_in_cpp_is_answered_as_it_says(shared_node):
+    (code,) = re.findall(r"```cpp\n(.*?)```", ROS_PAGE, re.DOTALL)
+    request = ResolveCollision.Request()
+    for path, value in re.findall(r"request->([\w.]+) = (.*);", code):
+        _, is_constant, name = value.partition("BodyState::")
+        assign(request, path, getattr(BodyState, name) if is_constant else float(value))
+    ((path, promised),) = re.findall(r"get\(\)->([\w.]+)\);  // (.*)", code)
+    assert attrgetter(path)(shared_node.call(request)) == float(promised)
 
 
 def test_the_service_call_of_the_ros_page_is_a_valid_request():
