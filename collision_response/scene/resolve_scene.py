@@ -70,7 +70,8 @@ def resolve_scene(
         bodies: all bodies of the scene. A body may have no contact.
         pairs: for each contact, the indices of its body_a and its body_b.
         contacts: where the bodies touch. Each normal points towards the contact's body_a.
-        model: what to model, and how exactly. ``tangential_restitution`` is for clusters of one contact.
+        model: what to model, and how exactly. ``precision`` and ``tangential_restitution`` are for clusters
+            of one contact.
         threshold: for FRICTIONLESS and COULOMB, in [0, 1): approaches slower than this fraction of the
             fastest one in their cluster are ignored. The answer jumps where an approach reaches the
             threshold.
