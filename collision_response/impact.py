@@ -238,9 +238,16 @@ def evaluate_law(contact: ContactKinematics, coefficients: Coefficients, law: La
     return LawResult(approaching, below_threshold, e, outcome, impulse)
 
 
+def has_no_free_slip(contact: ContactKinematics, friction: Scalar) -> Condition:
+    """Whether a mechanism moves in one direction only, or wedges."""
+    if contact.is_rigid():
+        return False
+    return contact.is_confined_to_a_line() | contact.has_locked_direction_in_cone(friction)
+
+
 def _or_coulomb(contact: ContactKinematics, coefficients: Coefficients, outcome: Outcome) -> Outcome:
-    """Replace the outcome by that of COULOMB where a mechanism moves in one direction only, or wedges."""
-    fails = contact.is_confined_to_a_line() | contact.has_locked_direction_in_cone(coefficients.friction)
+    """Replace the outcome by that of COULOMB where a mechanism has no free slip."""
+    fails = has_no_free_slip(contact, coefficients.friction)
     error = outcome.estimated_error
     return Outcome(
         *fallback_where(fails, contact, coefficients, Solution(*outcome[:4])),

@@ -161,7 +161,14 @@ def _resolve_with_own_coefficients(
     if not callable(contact.friction):
         return resolve(body_a, body_b, contact, model)
     followed = friction_along_path.resolve(body_a, body_b, contact, model)
-    return _resolve_reduced(body_a, body_b, contact, model) if followed is None else followed
+    if followed is not None:
+        return followed
+    if not (body_a.is_articulated() or body_b.is_articulated()):
+        return _resolve_reduced(body_a, body_b, contact, model)
+    first = initial_friction(body_a, body_b, contact, Law.COULOMB)
+    coulomb = _changed(model, law=Law.COULOMB)
+    impact = resolve(body_a, body_b, contact._replace(friction=first), coulomb)
+    return impact._replace(adjustments=impact.adjustments | Adjustment.LAW_FALLBACK)
 
 
 def _changed(model: ImpactModel, **fields: Any) -> ImpactModel:

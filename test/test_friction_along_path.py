@@ -41,6 +41,11 @@ ROD = [[2.5, 0, -1.5], [0, 1, 0], [-1.5, 0, 2.5]]
 """A friction of 1.5 / 2.5 = 0.6 makes it stick."""
 SHORT = [[3.4, 0, -1.2], [0, 1, 0], [-1.2, 0, 1.6]]
 OBLIQUE = [[115 / 48, -1 / 8, 2 / 3], [-1 / 8, 13 / 4, 1 / 2], [2 / 3, 1 / 2, 35 / 24]]
+MECHANISMS = (
+    [[1, 0, 1], [0, 0, 0], [1, 0, 1]],  # along a line
+    [[1, 0, 1], [0, 1, 0], [1, 0, 1]],  # in a plane that contains neither the normal nor the tangents
+    [[2, 1, 1], [1, 1, 0], [1, 0, 1]],
+)
 FLOOR = Body.static()
 TINY = 1e-13
 """Error of an answer of order 1 with straight steps only: the rounding of about a hundred operations."""
@@ -280,6 +285,43 @@ def test_unusual_functions_are_followed_and_create_no_energy(name):
         lost = found.energy_lost_friction + found.energy_lost_restitution
         energy = sum(x * x for x in u)  # more than there is to lose
         assert lost == pytest.approx(-found.energy_change, abs=1e-9 * energy)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("e", [0.0, 1e-9, 0.5, 1.0])
+def test_slip_may_stop_where_a_phase_ends(e, law):
+    """A rod at any angle. Slip falls by ``mu A - b``, and ``u_n`` grows by ``1 - mu b``, per normal impulse."""
+    draw = random.Random(e)
+    for _ in range(40):
+        angle, mu = draw.uniform(0.3, 1.2), draw.choice([0.05, 0.1, 0.2, 0.3])
+        c, s = math.cos(angle), math.sin(angle)
+        K = [[1 + 3 * s * s, 0, -3 * s * c], [0, 1, 0], [-3 * s * c, 0, 1 + 3 * c * c]]
+        A, b = K[0][0] / K[2][2], K[0][2] / K[2][2]
+        for p in (1, 1 + e):
+            slip = (mu * A - b) * p / (1 - mu * b)
+            for ulps in (-30, -2, -1, 0, 1, 2, 30):
+                u = (slip * (1 + ulps * 2.0**-53), 0, -1)
+                number, followed = follow(K, u, e, mu, law), follow(K, u, e, lambda _, mu=mu: mu, law)
+                assert followed.status is StatusCode.OK
+                assert apart(followed, number) <= followed.error_bound + number.error_bound
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("mu", [0.3, 1.0, 2.0, 1e120])
+@pytest.mark.parametrize("K", MECHANISMS, ids=str)
+def test_a_mechanism_without_free_slip_falls_back_as_with_a_number(K, mu, e, law):
+    for slip in itertools.product((0, 1, -1, -2), (0, 0.5), (1, -1, -2)):
+        u = [sum(k * x for k, x in zip(row, slip, strict=True)) for row in K]  # in the range of K
+        if u[2] == 0:
+            continue
+        number, followed = follow(K, u, e, mu, law), follow(K, u, e, lambda _: mu, law)
+        assert followed.adjustments == number.adjustments
+        if u[2] > 0:
+            assert followed.status is StatusCode.SEPARATING
+        elif number.error_bound < math.inf:
+            assert followed.model.law is number.model.law
+            assert apart(followed, number) <= followed.error_bound + number.error_bound
 
 
 def test_an_endless_path_is_refused():

@@ -12,11 +12,12 @@ from operator import itemgetter
 from .. import validity
 from ..answer import Impact, make_impact
 from ..geometry import geometry_for, suffices
-from ..impact import ImpactNumbers, impact
+from ..impact import ImpactNumbers, has_no_free_slip, impact
 from ..kernels import library
 from ..model import ImpactModel, Precision, plan_model
 from ..physics.body import Body
 from ..physics.contact import Contact
+from ..physics.effective_mass import ContactKinematics
 from ..physics.laws import Law, Settings
 from ..physics.laws.routh_by_speed import FINEST, path_tolerance
 from ..status import StatusCode
@@ -40,7 +41,8 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
         model: the model; its law is one of ``BY_SPEED``.
 
     Returns:
-        The answer, or ``None`` if the geometry of the model leaves out part of the impact.
+        The answer, or ``None`` if the geometry of the model leaves out part of the impact, or a mechanism
+        moves in one direction only, or wedges, so that no path determines its impulse.
 
     Raises:
         ImpactError: if the request cannot be answered. If the function returns a value that is not a
@@ -58,6 +60,9 @@ def resolve(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) ->
     first = friction_at_speed(initial_slip_speed(body_a, body_b, contact), contact)
     # Check as with friction also if its initial value is 0, because it may not stay 0.
     validity.check(*bodies, exact_contact._replace(friction=first or 1), plan.settings.tangential_restitution)
+    kinematics = ContactKinematics.of(*bodies, exact_contact)
+    if kinematics.n_u < 0 and has_no_free_slip(kinematics, first):
+        return None
     exact_contact = exact_contact._replace(friction=lambda v: friction_at_speed(v, contact))
     settings = Settings(*map(as_fraction, plan.settings))
     answer, bound = _answer_and_bound(bodies, exact_contact, model.law, settings)

@@ -210,6 +210,10 @@ class PathFollower:
                     return self._end_without_change(y, Regime.JAMMED if jams else Regime.STICKING)
                 y = start
                 first = first if any(first) else (y.v1, y.v2)
+            if self._remaining(y) <= 0:  # a stop, and the way on from rest, may lead past the end of a phase
+                y = _begin_restitution(y) if y.p_c == 0 else y
+                if self._remaining(y) <= 0:
+                    return y, _regime(y, first, jams=jams)
             at = self._slope(y.v1, y.v2)
             if at.g < 0 and at.s <= self._least_slip:
                 y = self._stop(y)
@@ -229,13 +233,7 @@ class PathFollower:
                 continue
             length = max(length, h * min(4.0, factor))
             jams = jams or at.r * h < -self._path.tolerance
-            if self._remaining(to) <= 0:
-                y = self._end_of_phase(y, at, h, to, turns=turns)
-                y = _begin_restitution(y) if y.p_c == 0 else y
-                if self._remaining(y) <= 0:
-                    return y, _regime(y, first, jams=jams)
-            else:
-                y = to
+            y = to if self._remaining(to) > 0 else self._end_of_phase(y, at, h, to, turns=turns)
         return None
 
     def _friction(self, s: float) -> float:
@@ -342,7 +340,10 @@ class PathFollower:
         return to, math.inf if bends else error / (STEP_SHARE * self._path.tolerance)
 
     def _end_of_phase(self, y: Point, at: Slope, h: float, to: Point, *, turns: bool) -> Point:
-        """The point at which the phase ends, within a step of length ``h`` that leads across to ``to``."""
+        """The point at which the phase ends, within a step of length ``h`` that leads across to ``to``.
+
+        The end of compression is the beginning of restitution.
+        """
         low, remaining_low, high, remaining_high = 0.0, self._remaining(y), h, self._remaining(to)
         goal = 1.0 if y.p_c == 0 else self._path.missing(y.p_c, y.W_c, 0.0, 0.0)
         for _ in range(CUTS):
@@ -359,7 +360,7 @@ class PathFollower:
                 low, remaining_low, remaining_high = h, remaining, remaining_high / 2
             else:
                 high, remaining_high, remaining_low = h, remaining, remaining_low / 2
-        return to
+        return _begin_restitution(to) if y.p_c == 0 else to
 
     def _end_without_change(self, y: Point, regime: Regime) -> tuple[Point, Regime] | None:
         """The end of the path if slip stays as it is, and the regime; ``None`` if ``u_n`` never rises."""
