@@ -290,16 +290,16 @@ def test_unusual_functions_are_followed_and_create_no_energy(name):
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("e", [0.0, 1e-9, 0.5, 1.0])
 def test_slip_may_stop_where_a_phase_ends(e, law):
-    """A rod at any angle. Slip falls by ``mu A - b``, and ``u_n`` grows by ``1 - mu b``, per normal impulse."""
+    """A rod. Slip falls by ``mu A - b``, and ``u_n`` grows by ``1 - mu b``, per normal impulse."""
     draw = random.Random(e)
-    for _ in range(40):
+    for _ in range(12):
         angle, mu = draw.uniform(0.3, 1.2), draw.choice([0.05, 0.1, 0.2, 0.3])
         c, s = math.cos(angle), math.sin(angle)
         K = [[1 + 3 * s * s, 0, -3 * s * c], [0, 1, 0], [-3 * s * c, 0, 1 + 3 * c * c]]
         A, b = K[0][0] / K[2][2], K[0][2] / K[2][2]
         for p in (1, 1 + e):
             slip = (mu * A - b) * p / (1 - mu * b)
-            for ulps in (-30, -2, -1, 0, 1, 2, 30):
+            for ulps in (-1, 0, 1):
                 u = (slip * (1 + ulps * 2.0**-53), 0, -1)
                 number, followed = follow(K, u, e, mu, law), follow(K, u, e, lambda _, mu=mu: mu, law)
                 assert followed.status is StatusCode.OK
