@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from decimal import Decimal
 from typing import Any, NamedTuple
 
-from .impact import ImpactNumbers
+from .impact import Changes, ImpactNumbers
 from .model import Adjustment, Geometry, ImpactModel, Law, Precision
 from .numbers.operations import Scalar, certain, square_root
 from .physics.body import Body, Twist
@@ -147,20 +147,24 @@ def relative_difference(impact: Impact, other: Impact, body_a: Body, body_b: Bod
     It is the largest distance of the vectors whose relative errors ``error_bound`` bounds, each relative to
     the vector of the other answer.
     """
-
-    def vectors(answer: Impact) -> Iterator[Sequence[float]]:
-        yield answer.impulse
-        yield norm_components(body_a, answer.change_a)
-        yield norm_components(body_b, answer.change_b)
-
     ratios = []
     try:
-        for x, y in zip(vectors(impact), vectors(other), strict=True):
+        for pair in zip(
+            *(bounded_vectors((body_a, body_b), answer) for answer in (impact, other)), strict=True
+        ):
+            x, y = ([number * weight for number, weight in vector] for vector in pair)
             distance, size = math.dist(x, y), math.hypot(*y)
             ratios.append(0.0 if distance == 0 else distance / size if size else math.inf)
     except OverflowError:  # a fraction beyond float64
         return math.inf
     return max(ratios) if all(ratio < math.inf for ratio in ratios) else math.inf
+
+
+def bounded_vectors(bodies: Sequence[Body], changes: Changes | Impact) -> Iterator[list[tuple[Any, Any]]]:
+    """Yield the vectors that ``error_bound`` is about, with the weights of their components in its norms."""
+    yield [(x, 1) for x in changes.impulse]
+    for body, change in zip(bodies, (changes.change_a, changes.change_b), strict=True):
+        yield weighted_components(body, change)
 
 
 def weighted_components(body: Body, change: Twist) -> list[tuple[Any, Any]]:

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 from functools import reduce
 from typing import Any, NamedTuple
 
-from .numbers.operations import Condition, Scalar, all_of, all_zero, choose, given_roundoff, negation
+from .numbers.operations import Condition, Scalar, all_of, all_zero, choose, given_roundoff, negation, or_one
 from .physics.body import ROUNDINGS, Body
 from .physics.contact import Contact
 from .physics.effective_mass import ContactKinematics
@@ -142,11 +142,10 @@ def _has_second_moments(inertia: Symmetric3) -> Condition:
     positive = (s_xx > 0) & (s_yy > 0) & (s_zz > 0)
     d_x = choose(positive, lambda: s_xx, lambda: s_xx * 0 + 1)
     l_yx, l_zx = -xy / d_x, -xz / d_x
-    left = s_yy + l_yx * xy
-    d_y = choose(left > 0, lambda: left, lambda: left * 0 + 1)
+    d_y = s_yy + l_yx * xy
     w = -yz + l_zx * xy
-    d_z = s_zz + l_zx * xz - w / d_y * w
-    return positive & (left > 0) & (d_z > 0)
+    d_z = s_zz + l_zx * xz - w / or_one(d_y) * w
+    return positive & (d_y > 0) & (d_z > 0)
 
 
 def _is_plainly_inertia(inertia: Symmetric3) -> Condition:

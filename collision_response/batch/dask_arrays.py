@@ -40,25 +40,21 @@ def resolve_lazily(
             raise ValueError(f"{name}: must have a known number of rows, is of shape {array.shape}")
         return array
 
-    given = {"bodies": bodies, "contacts": contacts, "pairs": pairs}
-    candidates = ("bodies", "contacts") if pairs is None else ("contacts", "pairs")
-    chunked = next((name for name in candidates if is_lazy(given[name])), "contacts")
-    bodies, contacts = as_dask("bodies", bodies), as_dask("contacts", contacts)
+    given = {"bodies": bodies, "contacts": contacts} | ({} if pairs is None else {"pairs": pairs})
+    per_contact = ("bodies", "contacts") if pairs is None else ("contacts", "pairs")
+    chunked = next((name for name in per_contact if is_lazy(given[name])), "contacts")
+    arrays = {name: as_dask(name, array) for name, array in given.items()}
     if pairs is not None:
-        pairs = as_dask("pairs", pairs)
-        check_pairs(pairs)
-    lengths = (*contacts.shape[-1:], *(bodies if pairs is None else pairs).shape[-1:])
+        check_pairs(arrays["pairs"])
+    lengths = [length for name in per_contact for length in arrays[name].shape[-1:]]
     n = next((length for length in lengths if not math.isnan(length)), 0)
-    plan = plan_for(
-        _without_memory(bodies, n),
-        _without_memory(contacts, n),
-        model,
-        None if pairs is None else _without_memory(pairs, n),
-    )
-    chunks = {"bodies": bodies, "contacts": contacts, "pairs": pairs}[chunked].chunks[-1]
+    shapes = {name: _without_memory(array, n) for name, array in arrays.items()}
+    plan = plan_for(shapes["bodies"], shapes["contacts"], model, shapes.get("pairs"))
+    chunks = arrays[chunked].chunks[-1]
 
-    def divided(name: str, array: Any) -> Any:
+    def divided(name: str) -> Any:
         """Divide an array along its last axis."""
+        array = arrays[name]
         try:
             whole = array.rechunk({**dict.fromkeys(range(array.ndim - 1), -1), array.ndim - 1: chunks})
         except ValueError:  # it has other chunks, and not all lengths are known; Dask names no array
@@ -68,12 +64,12 @@ def resolve_lazily(
             raise ValueError(f"{name}: {reason}") from None
         return whole.to_delayed().ravel()
 
-    contact_chunks = divided("contacts", contacts)
+    contact_chunks = divided("contacts")
     if pairs is None:
-        body_chunks, pair_chunks = divided("bodies", bodies), [None] * len(chunks)
+        body_chunks, pair_chunks = divided("bodies"), [None] * len(chunks)
     else:
-        body_chunks = [bodies.rechunk(-1).to_delayed().item()] * len(chunks)
-        pair_chunks = divided("pairs", pairs)
+        body_chunks = [arrays["bodies"].rechunk(-1).to_delayed().item()] * len(chunks)
+        pair_chunks = divided("pairs")
     results = [
         delayed(resolve, pure=True)(b, c, model, pairs=p, report=report, workers=workers)
         for b, c, p in zip(body_chunks, contact_chunks, pair_chunks, strict=True)

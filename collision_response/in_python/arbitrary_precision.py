@@ -10,12 +10,12 @@ Trans. Math. Softw. 17 (1991).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
-from ..answer import Impact, make_impact, weighted_components
+from ..answer import Impact, bounded_vectors, make_impact
 from ..geometry import geometry_for
-from ..impact import Changes, ImpactNumbers, impact
+from ..impact import ImpactNumbers, impact
 from ..model import ImpactModel, Law, ModelPlan, Precision, integrates_in_steps, plan_model
 from ..numbers import balls
 from ..numbers.balls import Ball, Undecided
@@ -133,13 +133,6 @@ def _error_bound(bodies: tuple[Body, Body], answer: ImpactNumbers, error: Callab
         error: gives the error of a number: the radius of its ball, or the error of rounding it to a float.
     """
     return max(_relative_error(vector, error) for vector in bounded_vectors(bodies, answer.changes))
-
-
-def bounded_vectors(bodies: tuple[Body, Body], changes: Changes) -> Iterator[list[tuple[Any, Any]]]:
-    """Yield the vectors that ``error_bound`` is about, with the weights of their components in its norms."""
-    yield [(x, 1) for x in changes.impulse]
-    for body, change in zip(bodies, (changes.change_a, changes.change_b), strict=True):
-        yield weighted_components(body, change)
 
 
 def _relative_error(vector: Iterable[tuple[Any, Any]], error: Callable[[Ball], Any]) -> float:

@@ -10,7 +10,7 @@ import math
 from operator import itemgetter
 
 from .. import validity
-from ..answer import Impact, make_impact
+from ..answer import Impact, bounded_vectors, make_impact
 from ..geometry import geometry_for, suffices
 from ..impact import ImpactNumbers, has_no_free_slip, impact
 from ..kernels import library
@@ -21,7 +21,6 @@ from ..physics.effective_mass import ContactKinematics
 from ..physics.laws import Law, Settings
 from ..physics.laws.routh_by_speed import FINEST, path_tolerance
 from ..status import StatusCode
-from .arbitrary_precision import bounded_vectors
 from .coefficients_at_speed import friction_at_speed, initial_slip_speed
 from .request_numbers import as_fraction, body_as_fractions, contact_as_fractions
 

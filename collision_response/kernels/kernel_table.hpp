@@ -1,6 +1,9 @@
 // Which kernel computes what. CMake lists the kernels that it compiles in kernels.inc, those with the longest vectors
 // first. Laws, layouts, precisions and number types have the numbers of Python's enumerations.
 #pragma once
+#include <algorithm>
+#include <iterator>
+
 #include "batch.hpp"
 #include "one_impact.hpp"
 
@@ -30,12 +33,13 @@ inline bool is_runnable(int level) {
 inline bool is_runnable(int level) { return level == LEVEL_BASE; }
 #endif
 
-enum { PRECISION_BOUNDED = PRECISION_DOUBLE };
-struct ImpactKernelEntry {
-  int formula, layout, precision, level;
-  ImpactKernel kernel;
+// A kernel, with its precision (one impact) or number type (batch).
+template <class Kernel> struct KernelEntry {
+  int formula, layout, number, level;
+  Kernel kernel;
 };
-inline const ImpactKernelEntry impact_kernels[] = {
+enum { PRECISION_BOUNDED = PRECISION_DOUBLE };
+inline const KernelEntry<ImpactKernel> impact_kernels[] = {
 #define IMPACT_KERNEL(name, FORMULA, LAYOUT, NUMBER, LEVEL) \
   {FORMULA_##FORMULA, LAYOUT_##LAYOUT, PRECISION_##NUMBER, LEVEL_##LEVEL, impact_##name},
 #define BATCH_KERNEL(...)
@@ -43,11 +47,7 @@ inline const ImpactKernelEntry impact_kernels[] = {
 #undef IMPACT_KERNEL
 #undef BATCH_KERNEL
 };
-struct BatchKernelEntry {
-  int formula, layout, number_type, level;
-  BatchKernel kernel;
-};
-inline const BatchKernelEntry batch_kernels[] = {
+inline const KernelEntry<BatchKernel> batch_kernels[] = {
 #define IMPACT_KERNEL(...)
 #define BATCH_KERNEL(name, FORMULA, LAYOUT, NUMBER, LEVEL) \
   {FORMULA_##FORMULA, LAYOUT_##LAYOUT, NUMBER_##NUMBER, LEVEL_##LEVEL, batch_##name},
@@ -59,24 +59,26 @@ inline const BatchKernelEntry batch_kernels[] = {
 // The formula of a law; -1 if there is none, as for a law that Python has since this was compiled.
 inline int formula_of_law(int law) { return law < LAW_COUNT ? formula_of[law] : -1; }
 
-// Find the fastest kernel for one impact that the machine can run. If there is none of this precision, that of DOUBLE
-// serves. Null if the law is unknown.
-inline const ImpactKernelEntry* find_impact_kernel(int law, bool articulated, int precision) {
-  const int layout = articulated ? LAYOUT_ARTICULATED : LAYOUT_EVERYTHING;
-  for (const auto& entry : impact_kernels)
-    if (entry.formula == formula_of_law(law) && entry.layout == layout && entry.precision == precision &&
-        is_runnable(entry.level))
-      return &entry;
-  return precision == PRECISION_DOUBLE ? nullptr : find_impact_kernel(law, articulated, PRECISION_DOUBLE);
+// Find the fastest kernel that the machine can run; null if there is none.
+template <class Table> auto find_kernel(const Table& kernels, int law, int layout, int number) {
+  auto fits = [=, formula = formula_of_law(law)](const auto& entry) {
+    return entry.formula == formula && entry.layout == layout && entry.number == number && is_runnable(entry.level);
+  };
+  auto found = std::find_if(std::begin(kernels), std::end(kernels), fits);
+  return found == std::end(kernels) ? nullptr : found;
 }
 
-// Find the fastest kernel for batches that the machine can run. If there is none for this layout, that of EVERYTHING
-// serves; if there is none for this number type, that of BOUNDED. Null if the law is unknown.
-inline const BatchKernelEntry* find_batch_kernel(int law, int layout, int number_type) {
-  for (const auto& entry : batch_kernels)
-    if (entry.formula == formula_of_law(law) && entry.layout == layout && entry.number_type == number_type &&
-        is_runnable(entry.level))
-      return &entry;
+// Find the kernel for one impact. If there is none of this precision, that of DOUBLE serves. Null if the law is unknown.
+inline auto find_impact_kernel(int law, bool articulated, int precision) {
+  const int layout = articulated ? LAYOUT_ARTICULATED : LAYOUT_EVERYTHING;
+  auto found = find_kernel(impact_kernels, law, layout, precision);
+  return found ? found : find_kernel(impact_kernels, law, layout, PRECISION_DOUBLE);
+}
+
+// Find the kernel for batches. If there is none for this layout, that of EVERYTHING serves; if there is none for this
+// number type, that of BOUNDED. Null if the law is unknown.
+inline const KernelEntry<BatchKernel>* find_batch_kernel(int law, int layout, int number_type) {
+  if (auto found = find_kernel(batch_kernels, law, layout, number_type)) return found;
   if (layout != LAYOUT_EVERYTHING) return find_batch_kernel(law, LAYOUT_EVERYTHING, number_type);
   const bool has_substitute = number_type == NUMBER_PLAIN || number_type == NUMBER_EXTENDED;
   return has_substitute ? find_batch_kernel(law, layout, NUMBER_BOUNDED) : nullptr;

@@ -115,18 +115,18 @@ bool find_geometry(const Plan& plan, OneImpact& impact) {
 // Return whether there is a kernel; if not, a Python error is set.
 bool compute_result(const Plan& plan, const double* error, OneImpact& impact) {
   ImpactResult& result = impact.result;
-  const ImpactKernelEntry* last = nullptr;
+  const KernelEntry<ImpactKernel>* last = nullptr;
   for (int precision = plan.first_precision; precision <= plan.last_precision; ++precision) {
-    const ImpactKernelEntry* next = find_impact_kernel(impact.law, impact.is_articulated, precision);
+    const auto next = find_impact_kernel(impact.law, impact.is_articulated, precision);
     if (!next) {
       PyErr_Format(PyExc_LookupError, "no kernel of law %d: is it newer than the build?", impact.law);
       return false;
     }
     if (next == last) break;  // the law has one kernel for all precisions
     ImpactResult more_exact;
-    compute_in_suitable_units(next->kernel, impact.is_articulated, next->precision == PRECISION_SINGLE, impact.input,
+    compute_in_suitable_units(next->kernel, impact.is_articulated, next->number == PRECISION_SINGLE, impact.input,
                               error, last ? more_exact : result);
-    if (!last || all_finite(more_exact)) impact.precision = next->precision;
+    if (!last || all_finite(more_exact)) impact.precision = next->number;
     if (last && all_finite(more_exact)) result = more_exact;  // pairs of float64 overflow before float64 does
     if (result.error_bound <= plan.target_bound) break;
     last = next;

@@ -181,7 +181,7 @@ PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
       arrays.overwrite_results())
     Py_RETURN_NONE;
   if (arrays.overwrite_tables()) return PyErr_Format(PyExc_ValueError, "out: overlaps the input");
-  const BatchKernelEntry* found = find_batch_kernel(law, layout, number_type);
+  const auto found = find_batch_kernel(law, layout, number_type);
   if (!found) return PyErr_Format(PyExc_LookupError, "no kernel of law %d for numbers of kind %d", law, number_type);
 
   const BatchKernel kernel = found->kernel;

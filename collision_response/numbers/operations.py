@@ -210,6 +210,11 @@ def minimum(x: Scalar, y: Scalar) -> Scalar:
     return choose(y < x, lambda: y, lambda: x)
 
 
+def or_one(x: Scalar) -> Scalar:
+    """Return ``x`` where it is positive, else 1: the divisor of a quotient that is then not used."""
+    return choose(x > 0, lambda: x, lambda: x * 0 + 1)
+
+
 def of_python(x: Any) -> Any:
     """Return a number of NumPy as one of Python, and anything else as it is.
 

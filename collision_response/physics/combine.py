@@ -6,7 +6,7 @@ from enum import Enum
 from typing import Any
 
 from ..arguments import is_real
-from ..numbers.operations import Scalar, choose, maximum, minimum, square_root
+from ..numbers.operations import Scalar, choose, maximum, minimum, or_one, square_root
 from ..status import format_value
 
 
@@ -68,7 +68,7 @@ def combine(
         return low
     if rule is CombineRule.MAXIMUM:
         return high
-    size = choose(high > 0, lambda: high, lambda: 1 + high)
+    size = or_one(high)
     ratio = low / size
     if rule is CombineRule.HARMONIC_MEAN:
         return low * (2 / (1 + ratio))
@@ -94,7 +94,7 @@ def combine(
 def _hypotenuse(x: Scalar, y: Scalar) -> Scalar:
     """Return the root of ``x^2 + y^2`` for numbers >= 0 whose squares underflow."""
     greater = maximum(x, y)
-    ratio = minimum(x, y) / choose(greater > 0, lambda: greater, lambda: 1 + greater)
+    ratio = minimum(x, y) / or_one(greater)
     return greater * square_root(1 + ratio * ratio)
 
 

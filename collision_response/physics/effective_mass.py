@@ -51,6 +51,7 @@ from ..numbers.operations import (
     given_roundoff,
     maximum,
     negation,
+    or_one,
     square_root,
 )
 from .body import ROUNDINGS, Body, Twist
@@ -275,12 +276,11 @@ class ContactKinematics(NamedTuple):
             is_tangential, lambda: K + locked * K.least_nonzero_eigenvalue(self._rounding_of_K()), lambda: K
         )
 
-    def impulse_for(self, K: Symmetric3, change: Vec3) -> Vec3:
-        """The least impulse that changes ``u`` by ``change``, where ``K`` is the inverse effective mass."""
-        return self.regularized(K).solve(change)
-
     def regularized(self, K: Symmetric3) -> Symmetric3:
-        """``K``, made invertible: with its smallest non-zero eigenvalue where a mechanism is locked."""
+        """``K``, made invertible: with its smallest non-zero eigenvalue where a mechanism is locked.
+
+        Its inverse gives the least impulse that changes ``u`` as wanted.
+        """
         if self.is_rigid():
             return K
         return K + self._locked_directions(K) * K.least_nonzero_eigenvalue(self._rounding_of_K())
@@ -395,10 +395,6 @@ class ContactNumbers(NamedTuple):
         """``K``."""
         return self.K
 
-    def impulse_for(self, K: Symmetric3, change: Vec3) -> Vec3:
-        """The impulse that changes ``u`` by ``change``."""
-        return self.regularized(K).solve(change)
-
     def regularized(self, K: Symmetric3) -> Symmetric3:
         """``regularized_K`` if there is one, else ``K``."""
         return self.regularized_K or K
@@ -406,6 +402,5 @@ class ContactNumbers(NamedTuple):
 
 def _scaled(*numbers: Scalar) -> list[Scalar]:
     """The numbers divided by the greatest of their magnitudes."""
-    size = reduce(maximum, (certain(abs(x)) for x in numbers))
-    size = choose(size > 0, lambda: size, lambda: size * 0 + 1)
+    size = or_one(reduce(maximum, (certain(abs(x)) for x in numbers)))
     return [x / size for x in numbers]

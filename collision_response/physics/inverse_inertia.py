@@ -22,7 +22,7 @@ from functools import reduce
 from typing import Any, NamedTuple
 
 from ..arguments import is_finite, real_number
-from ..numbers.operations import Condition, Scalar, all_of, choose, maximum, negation, square_root
+from ..numbers.operations import Condition, Scalar, all_of, choose, maximum, negation, or_one, square_root
 from ..status import ImpactError, StatusCode, format_value
 from .tensor import Symmetric3
 from .vector import Vec3
@@ -125,14 +125,12 @@ class InverseInertia(NamedTuple):
         full = {(i, j): x for (i, j), x in zip(_PLACES, self, strict=True)}
         linear, angular = self.xx + self.yy + self.zz, self.aa + self.bb + self.cc
         floors = [ROUNDING * linear] * 3 + [ROUNDING * angular] * 3
-        units = [
-            _positive(square_root(maximum(maximum(full[i, i], floors[i]), 0 * linear))) for i in range(6)
-        ]
+        units = [or_one(square_root(maximum(maximum(full[i, i], floors[i]), 0 * linear))) for i in range(6)]
         s = {(i, j): full[i, j] / units[i] / units[j] for i, j in _PLACES}
         for _ in range(6):
             pivot = reduce(maximum, (s[i, i] for i in range(6)))
             row = _row_of(pivot, s)
-            share = choose(pivot > ROUNDING, lambda: 1.0, lambda: 0.0) / _positive(pivot)
+            share = choose(pivot > ROUNDING, lambda: 1.0, lambda: 0.0) / or_one(pivot)
             for j, k in _PLACES:
                 s[j, k] = s[j, k] - row[j] * row[k] * share
         return all_of(abs(x) <= SYMMETRY_TOLERANCE for x in s.values())
@@ -150,11 +148,6 @@ def _row_of(pivot: Scalar, s: dict[tuple[int, int], Scalar]) -> tuple[Scalar, ..
         row = choose(is_it, lambda: here, lambda: row)  # noqa: B023
         found = found | is_it
     return row
-
-
-def _positive(x: Scalar) -> Scalar:
-    """``x`` if it is positive, else 1."""
-    return choose(x > 0, lambda: x, lambda: x * 0 + 1)
 
 
 def _flat(matrix: Iterable[Any]) -> list[Any]:

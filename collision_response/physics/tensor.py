@@ -75,19 +75,15 @@ class Symmetric3(NamedTuple):
         """The sum of the diagonal."""
         return self.xx + self.yy + self.zz
 
-    def factor(self) -> Factor3:
-        """The factors ``L D L^T``, which exist if all pivots are positive."""
+    def solve(self, v: Vec3) -> Vec3:
+        """The vector that this positive definite tensor maps to ``v``."""
         xx, xy, xz, yy, yz, zz = self
         i_x = 1 / xx
         l_yx, l_zx = xy * i_x, xz * i_x
         i_y = 1 / (yy - l_yx * xy)
         w = yz - l_zx * xy
         l_zy = w * i_y
-        return Factor3(l_yx, l_zx, l_zy, i_x, i_y, 1 / (zz - l_zx * xz - l_zy * w))
-
-    def solve(self, v: Vec3) -> Vec3:
-        """The vector that this positive definite tensor maps to ``v``."""
-        return self.factor().solve(v)
+        return Factor3(l_yx, l_zx, l_zy, i_x, i_y, 1 / (zz - l_zx * xz - l_zy * w)).solve(v)
 
     def has_rank_one(self, least: Scalar) -> Condition:
         """Whether this positive semi-definite tensor has at most one non-zero eigenvalue, to rounding.

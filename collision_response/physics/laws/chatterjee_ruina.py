@@ -42,6 +42,7 @@ from ...numbers.operations import (
     choose,
     is_out_of_range,
     maximum,
+    or_one,
     square_root,
     varying_as,
 )
@@ -57,7 +58,7 @@ def chatterjee_ruina(contact: ContactKinematics | ContactNumbers, coefficients: 
     nn, Kn = n.dot(n), K @ n
     j = -contact.n_u / contact.n_Kn
     u_I = u + Kn * j
-    D = -contact.impulse_for(K, u_I)
+    D = -contact.regularized(K).solve(u_I)
     D_n = n.dot(D) / nn
     D_t = D - n * D_n
     D_t_squared = D_t.dot(D_t)
@@ -69,8 +70,7 @@ def chatterjee_ruina(contact: ContactKinematics | ContactNumbers, coefficients: 
     )
 
     def kappa_on_cone() -> Scalar:
-        denominator = square_root(D_t_squared / nn) - mu * D_n
-        kappa = mu * (1 + e) * j / choose(denominator > 0, lambda: denominator, lambda: denominator * 0 + 1)
+        kappa = mu * (1 + e) * j / or_one(square_root(D_t_squared / nn) - mu * D_n)
         return choose(mu > 0, lambda: kappa, lambda: varying_as(mu, lambda: kappa))
 
     kappa = choose(in_cone, lambda: kappa_stick, kappa_on_cone)

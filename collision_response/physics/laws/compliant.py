@@ -95,6 +95,7 @@ from ...numbers.operations import (
     maximum,
     minimum,
     negation,
+    or_one,
     square_root,
     values,
     varying_as,
@@ -142,13 +143,11 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
         error_of(mu),
         error_of(kappa),
     )
-    e, mu, kappa = certain(e), minimum(certain(mu), GREATEST_FRICTION + 0 * certain(mu)), certain(kappa)
+    e, mu, kappa = certain(e), minimum(certain(mu), GREATEST_FRICTION), certain(kappa)
     axis, flattened, (A11, A12, A22, b1, b2, s, slip_across) = _in_axes_of_slip(data, slip)
     o = 0 * A11
     tolerance = choose(
-        tolerance > 0,
-        lambda: maximum(minimum(SHARE * tolerance, COARSEST + o), TOLERANCE + o),
-        lambda: TOLERANCE + o,
+        tolerance > 0, lambda: maximum(minimum(SHARE * tolerance, COARSEST), TOLERANCE), lambda: TOLERANCE
     )
     given = Springs(A11, A12, A22, b1, b2, s, slip_across, mu, kappa, e, tolerance)
     springs = values(given)
@@ -161,9 +160,9 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
     heat = maximum(total - lost, o)
 
     stuck = (y.has_stuck > 0) & (mu > 0)
-    forward = choose(stuck, lambda: 1.0 * Regime.STICKING + o, lambda: 1.0 * Regime.SLIDING + o)
-    regime = choose(w1 * s < 0, lambda: 1.0 * Regime.REVERSED + o, lambda: forward)
-    regime = choose(y.has_jammed > 0, lambda: 1.0 * Regime.JAMMED + o, lambda: regime)
+    forward = choose(stuck, lambda: 1.0 * Regime.STICKING, lambda: 1.0 * Regime.SLIDING)
+    regime = choose(w1 * s < 0, lambda: 1.0 * Regime.REVERSED, lambda: forward)
+    regime = choose(y.has_jammed > 0, lambda: 1.0 * Regime.JAMMED, lambda: regime)
 
     E, e_P = _error(given, y, Tangential(P1, P2), P_n, flattened, errors)
     P = Tangential(widened(axis.x * P1 - axis.y * P2, e_P) * j, widened(axis.y * P1 + axis.x * P2, e_P) * j)
@@ -221,7 +220,7 @@ def _impulse_at_end(springs: Springs, y: State, e: Scalar, mu: Scalar) -> tuple[
     force = certain(square_root(y.a1 * y.a1 + y.a2 * y.a2))
     slides = (y.slips > 0) | (mu <= 0)
     friction = mu * y.F
-    until_slip = minimum(certain(force / choose(mu > 0, lambda: mu, lambda: one) / fall), time_left)
+    until_slip = minimum(certain(force / or_one(mu) / fall), time_left)
     along_a = certain(choose(slides, lambda: -friction * time_left / 2, lambda: time_left - until_slip / 2))
     P1, P2, P_n = map(certain, (y.P1 + y.a1 * along_a, y.P2 + y.a2 * along_a, y.Pn + y.F * time_left / 2))
     P_n = for_derivatives(P_n, lambda: P_n * choose(y.is_running > 0, lambda: math.nan + o, lambda: one))
@@ -275,7 +274,7 @@ def _error(
     rate = choose(plastic, lambda: y.F + b1 * F1 + b2 * F2, lambda: one)
     rate = choose(capped, lambda: u_n / (e * e), lambda: rate)
     known = known & (rate > 0) & (size > E)
-    missed = missed / choose(rate > 0, lambda: rate, lambda: one)
+    missed = missed / or_one(rate)
     return E, choose(known, lambda: E / root + missed, lambda: math.inf + o)
 
 

@@ -24,6 +24,7 @@ from ...numbers.operations import (
     maximum,
     minimum,
     negation,
+    or_one,
     square_root,
     varying_as,
 )
@@ -260,11 +261,7 @@ class Motion(NamedTuple):
         springs, kappa, zero = self.springs, self.springs.kappa, 0 * F
         u1, u2, u_n = springs.velocity(*P)
         grip = springs.mu * F
-        w = choose(
-            grip > 0,
-            lambda: kappa * (a1 * u2 - a2 * u1) / choose(grip > 0, lambda: grip, lambda: 1 + zero),
-            lambda: zero,
-        )
+        w = choose(grip > 0, lambda: kappa * (a1 * u2 - a2 * u1) / or_one(grip), lambda: zero)
         c1, c2, _ = springs.direction(F, -self.k * u_n, u1, u2, _inverse_length(u1, u2))
         a1, a2 = choose(self.follows, lambda: (c1, c2), lambda: (a1, a2))
         w = choose(self.follows, lambda: zero, lambda: w)
@@ -285,9 +282,10 @@ class Motion(NamedTuple):
         du2 = springs.A12 * F1 + springs.A22 * F2 + springs.b2 * F
         dun = springs.b1 * F1 + springs.b2 * F2 + F
         size = square_root(a1 * a1 + a2 * a2)
-        safe = choose(size > 0, lambda: size, lambda: one)
         force_unit, speed_unit = (1 + mu) * (1 + self.F_max), (1 + share) * terms
-        stick = Event((mu * F - size) / force_unit, (mu * dF - (a1 * d1 + a2 * d2) / safe) / force_unit)
+        stick = Event(
+            (mu * F - size) / force_unit, (mu * dF - (a1 * d1 + a2 * d2) / or_one(size)) / force_unit
+        )
         d_lambda = a1 * du1 + a2 * du2 + d1 * u1 + d2 * u2 + share * dun
         slip = Event((a1 * u1 + a2 * u2 + share * u_n) / speed_unit, d_lambda / speed_unit)
         friction = choose(self.slips, lambda: slip, lambda: stick)
@@ -382,9 +380,8 @@ def _accepted(motion: Motion, y: State, trial: Trial, events: list[Event]) -> St
     a1, a2 = choose(follows, lambda: (spring.a1, spring.a2), lambda: (a1 * length, a2 * length))
     # stick <-> slip
     grip = mu * F
-    force = square_root(a1 * a1 + a2 * a2)
-    safe = choose(force > 0, lambda: force, lambda: one)
-    other = choose(slips, lambda: (-grip * a1, -grip * a2), lambda: (-a1 / safe, -a2 / safe))
+    force = or_one(square_root(a1 * a1 + a2 * a2))
+    other = choose(slips, lambda: (-grip * a1, -grip * a2), lambda: (-a1 / force, -a2 / force))
     b1, b2 = choose(switches, lambda: other, lambda: (a1, a2))
     now = choose(switches, lambda: 1 - y.slips, lambda: y.slips)
     unloads_now = choose(turns, lambda: 1 - y.unloads, lambda: y.unloads)
@@ -476,8 +473,7 @@ def _step_to(first: Event, last: Event, h: Scalar) -> Scalar:
     # Newton's step back from the end, if it stays within the step; else the chord.
     safe = choose(last.slope < 0, lambda: last.slope, lambda: -1 + 0 * h)
     back = h - (last.value + EVENT / 2) / safe
-    rise = first.value - last.value
-    chord = h * first.value / choose(rise > 0, lambda: rise, lambda: 1 + 0 * h)
+    chord = h * first.value / or_one(first.value - last.value)
     inside = (last.slope < 0) & (back > 0) & (back < h)
     guess = choose(inside, lambda: back, lambda: maximum(minimum(chord, 0.9 * h), 0.1 * h))
     # Both ends are positive, with a dip in between: the minimum of the cubic.

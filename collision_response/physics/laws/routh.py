@@ -116,8 +116,8 @@ def routh(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     o = 0 * certain(slip.x)
     tolerance = choose(
         settings.tolerance > 0,
-        lambda: maximum(minimum(PATH_SHARE * settings.tolerance, COARSEST + o), LEAST_TOLERANCE + o),
-        lambda: DEFAULT_TOLERANCE + o,
+        lambda: maximum(minimum(PATH_SHARE * settings.tolerance, COARSEST), LEAST_TOLERANCE),
+        lambda: DEFAULT_TOLERANCE,
     )
     c = 1 / (1 + mu)
     e_c = choose(friction > GREATEST_FRICTION, lambda: c, lambda: o)
@@ -138,7 +138,7 @@ def routh(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     least_r = minimum(y.least_r, choose(rest.along > 0, lambda: rest.r, lambda: 1 + o))
     P_n, X = rest.p_c + p, choose(rest.in_restitution, lambda: y.p_c / c + y.x, lambda: y.x) + rest.along
     jams = (certain(least_r) < 0) & (certain(X) > tolerance)  # not while slip is as good as none
-    regime = choose(jams, lambda: 1.0 * Regime.JAMMED + o, lambda: regime)
+    regime = choose(jams, lambda: 1.0 * Regime.JAMMED, lambda: regime)
     ignored_slip = choose(first.slips, lambda: o, lambda: abs(certain(slip.x)) + abs(certain(slip.y)))
     e_slip = e_slip + ignored_slip / certain(speed)
     error = path_error(path, ray, y, rest._replace(p=p), X, mu, InputErrors(e_A, e_b, e_slip, e_e, e_mu, e_c))
@@ -169,8 +169,8 @@ def _with_rounding(
 
 def _regime_at_end(ray: Ray, first: FirstSlip, rest: StraightRest) -> Scalar:
     """The regime of a path on which friction does not jam."""
-    o, p = 0 * rest.x, rest.after_stop
+    p = rest.after_stop
     final1, final2 = rest.s_e * rest.t1 + ray.G * p * ray.z1, rest.s_e * rest.t2 + ray.G * p * ray.z2
     is_reversed = first.t1 * final1 + first.t2 * final2 < 0
-    slides = choose(is_reversed, lambda: 1.0 * Regime.REVERSED + o, lambda: 1.0 * Regime.SLIDING + o)
-    return choose(ray.sticks & (p > 0), lambda: 1.0 * Regime.STICKING + o, lambda: slides)
+    slides = choose(is_reversed, lambda: 1.0 * Regime.REVERSED, lambda: 1.0 * Regime.SLIDING)
+    return choose(ray.sticks & (p > 0), lambda: 1.0 * Regime.STICKING, lambda: slides)
