@@ -119,16 +119,12 @@ class Undecided:
         return Ball(_arb(if_true).union(_arb(if_false)))
 
     def __and__(self, other: Any) -> bool | Undecided:
-        return (
-            other if other is False else Undecided(self.of_values and bool(getattr(other, "of_values", True)))
-        )
+        return False if other is False else Undecided(self.of_values and getattr(other, "of_values", True))
 
     __rand__ = __and__
 
     def __or__(self, other: Any) -> bool | Undecided:
-        return (
-            other if other is True else Undecided(self.of_values or bool(getattr(other, "of_values", False)))
-        )
+        return True if other is True else Undecided(self.of_values or getattr(other, "of_values", False))
 
     __ror__ = __or__
 

@@ -85,7 +85,7 @@ def types_in_loop(
     state_types = [least for _ in loop.state_after]
     for part in _parts(tape, types, index):
         state_types[tape.nodes[part].value] = max(least, min(types[part], CppType.VALUE))
-    if is_rounded(tape, loop):
+    if loop.rounded and not tape.of_derivatives:  # all numbers have the type REPORT
         return needed_types(loop.tape, [(i, least) for i in (loop.condition, *loop.state_after)]), state_types
     while True:
         wanted = zip(loop.state_after, state_types, strict=True)
@@ -106,11 +106,6 @@ def types_in_loop(
 def least_type_in_loop(tape: Tape, loop: Loop) -> CppType:
     """Return the type of a number in a loop whose derivatives are not needed."""
     return CppType.REPORT if tape.of_derivatives or loop.rounded else CppType.VALUE
-
-
-def is_rounded(tape: Tape, loop: Loop) -> bool:
-    """Whether all numbers in a loop have the type REPORT."""
-    return loop.rounded and not tape.of_derivatives
 
 
 def _sources(node: Node) -> tuple[int, ...]:

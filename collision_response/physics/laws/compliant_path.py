@@ -172,10 +172,6 @@ class Event(NamedTuple):
     value: Scalar
     slope: Scalar
 
-    def is_passed(self) -> Condition:
-        """Whether the event lies in the past, by more than ``EVENT``."""
-        return self.value < -EVENT
-
     def is_now(self) -> Condition:
         """Whether the number has just reached 0, falling."""
         return (self.value <= 0) & (self.slope < 0)
@@ -484,7 +480,7 @@ def _step_to(first: Event, last: Event, h: Scalar) -> Scalar:
         lambda: 0 * h,
     )
     low = _cubic(first, last, h, fall)
-    passed = choose(last.is_passed(), lambda: guess, lambda: never)
+    passed = choose(last.value < -EVENT, lambda: guess, lambda: never)
     return choose(dips & (low < 0) & (fall < 0.99), lambda: fall * h, lambda: passed)
 
 
