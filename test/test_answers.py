@@ -7,11 +7,13 @@ import math
 import pickle
 import re
 import sys
+from decimal import Decimal
 from fractions import Fraction as F
 from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refused
 
 from collision_response import (
     Adjustment,
@@ -120,6 +122,22 @@ class TestInertia:
         rows = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
         for given in (rows, np.array(rows), np.array(six), iter(six)):
             assert Body.dynamic(1.0, given).inertia == six
+
+    @pytest.mark.parametrize("number", [int, np.int8, np.uint8, np.longdouble, np.float32, Decimal, F])
+    def test_a_matrix_may_hold_numbers_of_any_type(self, number):
+        xx, xy, xz, yy, yz, zz = six = tuple(map(number, (120, 20, 0, 100, 3, 90)))
+        assert Body.dynamic(1.0, [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).inertia == six
+
+    @pytest.mark.parametrize("great", [10**400, F(10) ** 400, Decimal("1e400")], ids=type)
+    def test_a_matrix_beyond_float64_is_refused_when_it_is_used(self, great):
+        for inertia in (
+            (great, 0, 0, great, 0, great),
+            np.diag([great] * 3),
+            [[great, 0, 0], [0, great, 0], [0, 0, 1]],
+        ):
+            body = Body.dynamic(1.0, inertia)
+            with refused(StatusCode.NOT_FINITE, "body_a.inertia"):
+                resolve(body, Body.static(), Contact.of((0, 0, 0), (0, 0, 1)))
 
     def test_the_matrix_may_be_asymmetric_by_rounding_only(self):
         rows = [[2.0, 0.1, 0.0], [0.1 + 2e-10, 3.0, 0.0], [0.0, 0.0, 4.0]]

@@ -669,6 +669,20 @@ def test_matrix_entries_may_be_of_any_type(number):
     assert found == resolve_contact(K, (0, 0, -1), (0, 0, 1), 0.5, 0.25)
 
 
+def test_matrix_entries_may_be_of_several_types():
+    K, u, up = (
+        [[Decimal("3.5"), 0.25, F(1, 2)], [F(1, 4), 3, 0], [np.float32(0.5), Decimal(0), 1]],
+        (1, 2, -3),
+        (0, 0, 1),
+    )
+    assert resolve_contact(K, u, up) == resolve_contact([[3.5, 0.25, 0.5], [0.25, 3, 0], [0.5, 0, 1]], u, up)
+
+
+def test_the_least_matrix_entries_keep_their_digits():
+    least = Body.articulated(np.eye(6) * 5e-324).inverse_inertia
+    assert (least.xx, least.xy, least.cc) == (5e-324, 0, 5e-324)
+
+
 LENGTHS = [5e-324, 1e-310, 1e-200, 1.0, 1e200, 1e308, 1.7e308]
 
 

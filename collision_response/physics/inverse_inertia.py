@@ -83,13 +83,18 @@ class InverseInertia(NamedTuple):
         if not all(map(is_finite, numbers)):
             raise _error(StatusCode.NOT_FINITE, "must be finite")
         rows = [numbers[i : i + 6] for i in range(0, 36, 6)]
-        for i in range(6):
-            for j in range(i):
-                scale = math.sqrt(abs(rows[i][i])) * math.sqrt(abs(rows[j][j]))
-                if not abs(rows[i][j] - rows[j][i]) <= SYMMETRY_TOLERANCE * scale:
-                    reason = f"must be symmetric; ({i}, {j}) is {rows[i][j]} and ({j}, {i}) {rows[j][i]}"
-                    raise _error(StatusCode.INVALID_INERTIA, reason)
-        return cls(*(rows[i][j] / 2 + rows[j][i] / 2 for i in range(6) for j in range(i, 6)))
+
+        def mean(j: int, i: int) -> Scalar:
+            a, b = rows[i][j], rows[j][i]
+            if a == b:  # numbers of any type, and the least floats
+                return a
+            scale = math.sqrt(abs(rows[i][i])) * math.sqrt(abs(rows[j][j]))
+            if not abs(a - b) <= SYMMETRY_TOLERANCE * scale:
+                reason = f"must be symmetric; ({i}, {j}) is {a} and ({j}, {i}) {b}"
+                raise _error(StatusCode.INVALID_INERTIA, reason)
+            return a / 2 + b / 2
+
+        return cls(*(mean(*place) for place in _PLACES))
 
     def blocks(self) -> tuple[Symmetric3, tuple[Vec3, Vec3, Vec3], Symmetric3]:
         """The blocks ``L`` and ``W``, with the rows of ``C`` between them."""

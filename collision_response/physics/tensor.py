@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, TypeVar
 
-from ..numbers.operations import Condition, Scalar, certain, choose, maximum, square_root
+from ..numbers.operations import Condition, Scalar, certain, choose, maximum, of_python, square_root
 from ..status import format_value
 from .vector import AXES, Vec3
 
@@ -46,14 +46,18 @@ class Symmetric3(NamedTuple):
             raise ValueError(
                 f"must be (xx, xy, xz, yy, yz, zz) or three rows of three, is {format_value(values)}"
             )
-        allowed = ASYMMETRY * max(abs(x) for row in values for x in row)
+        rows = [[of_python(x) for x in row] for row in values]
+        largest = max(abs(x) for row in rows for x in row)
 
         def mean(i: int, j: int) -> Scalar:
-            if abs(values[i][j] - values[j][i]) > allowed:
+            a, b = rows[i][j], rows[j][i]
+            if a == b:  # numbers of any type and size
+                return a
+            if abs(b - a) / largest > ASYMMETRY:
                 raise ValueError(f"must be symmetric, is {format_value(values)}")
-            return values[i][j] + (values[j][i] - values[i][j]) / 2  # a sum may overflow
+            return a + (b - a) / 2  # a sum may overflow
 
-        return cls(values[0][0], mean(0, 1), mean(0, 2), values[1][1], mean(1, 2), values[2][2])
+        return cls(rows[0][0], mean(0, 1), mean(0, 2), rows[1][1], mean(1, 2), rows[2][2])
 
     def __matmul__(self, v: Vec3) -> Vec3:
         xx, xy, xz, yy, yz, zz = self
