@@ -485,6 +485,12 @@ def test_fractions_are_accepted():
 def test_magnitudes_too_far_apart_for_floats_are_refused():
     with refused(StatusCode.OUT_OF_RANGE):
         follow(SPHERE, (1e300, 0, -1e-300), 0.5, CORNER.friction)
+    for far in (1e10, 1e12, 1e100, 1e150):
+        body = Body.dynamic(1.0, (1, 0, 0, 1, 0, 1), (far, far / 3, 0), velocity=(1, 2, -3))
+        for law in LAWS:
+            model = ImpactModel(law)
+            with refused(StatusCode.OUT_OF_RANGE):
+                resolve(body, FLOOR, Contact.of((0, 0, 0), UP, 0.5, CORNER.friction), model)
 
 
 def test_materials_with_friction_by_speed():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from decimal import Decimal
 from fractions import Fraction
 from itertools import product
 
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from refusals import refused
 
-from collision_response import Body, StatusCode
+from collision_response import Body, Contact, StatusCode, resolve
 from collision_response.physics import mass_properties as mp
 from collision_response.physics.mass_properties import Particle, of_particles
 from collision_response.physics.vector import Vec3
@@ -148,6 +149,21 @@ CONSTRUCTORS += [lambda m, x: mp.capsule(m, x, x), lambda m, x: mp.cone(m, x, x)
 def test_integers_beyond_float64_are_refused_by_name(solid, mass, power):
     with refused(StatusCode.NOT_FINITE, match="inertia: is beyond float64"):
         solid(mass, 10**power)
+
+
+def test_particles_beyond_float64_are_refused_by_name():
+    with refused(StatusCode.NOT_FINITE, match="inertia: is beyond float64"):
+        mp.of_particles([(1, (10**400, 0, 1)), (10**400, (1, 1, 0))])
+
+
+@pytest.mark.parametrize("solid", CONSTRUCTORS)
+@pytest.mark.parametrize("size", ["NaN", "Infinity", "1e999999"])
+@pytest.mark.parametrize("mass", [1, Decimal(1), Decimal("NaN")])
+def test_decimals_that_are_not_finite_are_refused_by_name(solid, size, mass):
+    """Decimals raise errors of their own, here or when the body is used."""
+    with refused(StatusCode.NOT_FINITE):
+        body = Body.of(solid(mass, Decimal(size)), velocity=(0, 0, -1))._replace(mass=1.0)
+        resolve(body, Body.static(), Contact.of((0, 0, 0), (0, 0, 1)))
 
 
 @pytest.mark.parametrize("solid", CONSTRUCTORS)

@@ -126,7 +126,7 @@ class Body(NamedTuple):
         """
         try:
             tensor = Symmetric3.of(inertia)
-        except TypeError:
+        except (TypeError, ArithmeticError):
             raise TypeError(
                 f"inertia: must be (xx, xy, xz, yy, yz, zz) or a matrix, is {format_value(inertia)}"
             ) from None

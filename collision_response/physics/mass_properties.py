@@ -45,6 +45,20 @@ class Particle(NamedTuple):
     position: Vec3
 
 
+def _within_float64(solid: Callable[P, MassProperties]) -> Callable[P, MassProperties]:
+    """Raise an ImpactError where Python raises an error as it divides numbers beyond float64."""
+
+    @wraps(solid)
+    def checked(*args: P.args, **kwargs: P.kwargs) -> MassProperties:
+        try:
+            return solid(*args, **kwargs)
+        except ArithmeticError:
+            raise ImpactError(StatusCode.NOT_FINITE, "inertia", "is beyond float64") from None
+
+    return checked
+
+
+@_within_float64
 def of_particles(particles: Iterable[tuple[Scalar, Iterable[Scalar]]]) -> MassProperties:
     """Mass properties of a set of particles: exact if their masses and positions are fractions.
 
@@ -78,19 +92,6 @@ def _particle(name: str, given: Any) -> Particle:
     return Particle(
         real_number(f"{name}.mass", mass), Vec3(*(real_number(f"{name}.position", x) for x in position))
     )
-
-
-def _within_float64(solid: Callable[P, MassProperties]) -> Callable[P, MassProperties]:
-    """Raise an ImpactError where Python raises OverflowError as it divides integers beyond float64."""
-
-    @wraps(solid)
-    def checked(*args: P.args, **kwargs: P.kwargs) -> MassProperties:
-        try:
-            return solid(*args, **kwargs)
-        except OverflowError:
-            raise ImpactError(StatusCode.NOT_FINITE, "inertia", "is beyond float64") from None
-
-    return checked
 
 
 @_within_float64

@@ -151,6 +151,8 @@ def routh_by_speed(contact: ContactKinematics, coefficients: Coefficients) -> Ou
     def follow(data: list[float], factor: float, tolerance: float) -> tuple[Point, Regime] | None:
         *K, v1, v2 = data
         path = Path._make([*K, math.nan, math.nan, e, energetic, tolerance])
+        if not path.A11 * path.A22 > path.A12 * path.A12:  # as it must be, but for rounding
+            raise _too_far_apart()
         return PathFollower(path, lambda s: factor * coefficients.friction(s * unit)).follow(v1, v2)
 
     def impulse(P1: Fraction, P2: Fraction, p: Fraction) -> Vec3:
@@ -179,8 +181,12 @@ def _floats(*numbers: Scalar) -> list[float]:
     try:
         return [float(x) for x in numbers]
     except OverflowError:
-        reason = "slip, approach speed and inverse effective mass differ too much in size for float64"
-        raise ImpactError(StatusCode.OUT_OF_RANGE, "contact", reason) from None
+        raise _too_far_apart() from None
+
+
+def _too_far_apart() -> ImpactError:
+    reason = "slip, approach speed and inverse effective mass differ too much in size for float64"
+    return ImpactError(StatusCode.OUT_OF_RANGE, "contact", reason)
 
 
 class PathFollower:
