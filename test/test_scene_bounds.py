@@ -11,7 +11,7 @@ import random
 import pytest
 from scene_cases import Scene, assert_within_bound, distance, shuffled, tower
 
-from collision_response import Adjustment, Body, Contact, Law
+from collision_response import Adjustment, Body, Contact, ImpactError, Law, StatusCode
 from collision_response.physics.vector import Vec3
 
 SMALL = 1e-6
@@ -274,3 +274,43 @@ def test_friction_without_slip_keeps_the_velocities_of_heavy_bodies(heavy, light
     scene.bodies[0] = Body.box(lowest, (1, 1, 1), position=(0, 0, 0.5))
     answer, without = (scene.resolve(law) for law in (Law.COULOMB, Law.FRICTIONLESS))
     assert distance(scene, answer, without) <= answer.error_bound + without.error_bound < SMALL
+
+
+def far(parts: str, place: int, name: str, axis: int, value: float) -> Scene:
+    """A ball that falls on a box as it lands flat, with one component of a body or a contact out of scale."""
+    box = Body.box(2.0, (1, 1, 1), position=(0, 0, 0.5), velocity=(0.3, 0, -1))
+    ball = Body.sphere(1.0, 0.1, position=(0.2, 0, 1.1), velocity=(0, 0.1, -2))
+    points = [*((x, y, 0) for x, y in CORNERS), (0.2, 0, 1)]
+    contacts = [Contact.of(point, (0, 0, 1), 0.5, 0.3) for point in points]
+    scene = Scene([box, ball, Body.static()], [*[(0, 2)] * 4, (1, 0)], contacts)
+    changed = getattr(scene, parts)
+    vector = list(getattr(changed[place], name))
+    vector[axis] = value
+    changed[place] = changed[place]._replace(**{name: Vec3(*vector)})
+    return scene
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize(
+    ("parts", "place", "name"),
+    [
+        *itertools.product(["bodies"], [0, 1], ["com", "position", "velocity", "angular_velocity"]),
+        ("bodies", 2, "position"),
+        *itertools.product(["contacts"], [0, 4], ["position", "normal"]),
+    ],
+)
+def test_a_number_far_out_of_scale_is_refused_or_has_a_sound_answer(parts, place, name, law):
+    """With a centre of mass 1e50 m away, rounding of the twist is more kinetic energy than there was."""
+    for axis, exponent in itertools.product(range(3), (10, 30, 51, 77, 150, 192, 300)):
+        scene = far(parts, place, name, axis, 1.5 * 10.0**exponent)
+        try:
+            answer = scene.resolve(law)
+        except ImpactError as error:
+            assert error.code is StatusCode.OUT_OF_RANGE
+            continue
+        vectors = [*answer.impulses, *(v for twist in answer.twists for v in twist)]
+        numbers = [*(x for v in vectors for x in v), *answer.normal_velocities_after]
+        assert all(map(math.isfinite, numbers))
+        assert answer.kinetic_energy_after <= answer.kinetic_energy_before * (1 + 2**-40)
+        if law is Law.FRICTIONLESS and answer.status is StatusCode.OK:
+            assert_within_bound(scene, answer, scene.in_fractions().resolve(law))

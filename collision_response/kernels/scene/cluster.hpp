@@ -151,9 +151,9 @@ inline int adjustments_of(const Cluster& cluster, const ClusterResult& result) {
 inline void apply(const Assembly& assembly, const ClusterImpulses& impulses, bool sticks_by_slip,
                   ClusterResult& result) {
   result.effect = effect_of(assembly, impulses, sticks_by_slip);
-  result.code = !result.effect.is_finite()    ? STATUS_OUT_OF_RANGE
-                : result.effect.is_unphysical ? STATUS_INTERNAL_ERROR
-                                              : STATUS_OK;
+  result.code = !result.effect.is_representable() ? STATUS_OUT_OF_RANGE
+                : result.effect.is_unphysical     ? STATUS_INTERNAL_ERROR
+                                                  : STATUS_OK;
   result.margin = impulses.margin;
   result.restitution = impulses.restitution;
   result.no_rebound = impulses.no_rebound;

@@ -34,13 +34,17 @@ struct ImpulseEffect {
   // Whether contacts gain energy, pull, leave their friction cones, or still approach, by more than the error; or kinetic
   // energy grows by more, without a moving wall.
   bool is_unphysical = false;
+  // Whether kinetic energy grows where the error has no bound: the twists need more digits than a double has.
+  bool lacks_digits = false;
 
   bool is_separating() const {
     return std::all_of(regimes.begin(), regimes.end(), [](Regime regime) { return regime == REGIME_SEPARATING; });
   }
-  // It suffices to check the energies, which are sums over everything else.
-  bool is_finite() const {
-    return std::all_of(energies, energies + 4, [](double energy) { return std::isfinite(energy); });
+  // It suffices to check the energies, which are sums over the twists and the velocities, and the impulses.
+  bool is_representable() const {
+    auto is_finite = [](double x) { return std::isfinite(x); };
+    return !lacks_digits && std::all_of(energies, energies + 4, is_finite) &&
+           std::all_of(impulses.begin(), impulses.end(), is_finite);
   }
 };
 
@@ -118,6 +122,9 @@ struct AppliedImpulses {
   }
 };
 
+// The greater of two errors. One that is not a number is infinite; fmax would ignore it.
+inline double greater_error(double a, double b) { return b == b ? std::fmax(a, b) : INFINITY; }
+
 // Set the motion of the bodies, their kinetic energies and the error bound.
 inline void set_motion(const AppliedImpulses& applied, ImpulseEffect& effect) {
   const Assembly& assembly = applied.assembly;
@@ -138,8 +145,8 @@ inline void set_motion(const AppliedImpulses& applied, ImpulseEffect& effect) {
     effect.energies[0] += body.centre_in_doubles.energy;
     effect.energies[1] += Centre<double>(moved).energy;
     largest = std::fmax(largest, twist_size(body.x, change));
-    rounding = std::fmax(rounding, twist_size(body.x, lost));
-    worst = std::fmax(worst, applied.error * norm_ratio(body));
+    rounding = greater_error(rounding, twist_size(body.x, lost));
+    worst = greater_error(worst, applied.error * norm_ratio(body));
   }
   effect.error_bound = largest > 0 ? (worst + rounding) / std::fmax(largest - worst - rounding, 0)
                                    : (worst > 0 ? INFINITY : 0);
@@ -187,10 +194,12 @@ struct Works {
     const double loss = lost_restitution + lost_friction, by_rounding = 0x1p-40 * total + doubt;
     const double by_error = applied.error < INFINITY ? applied.error * reach : 0;
     const bool gains = loss < -by_rounding - by_error;
-    const bool grows = !applied.assembly.has_moving_wall &&
-                       energies[1] > energies[0] * (1 + 0x1p-40) + by_error * impulse_unit * speed_unit;
+    const bool is_bounded = effect.error_bound < INFINITY;
+    const double doubt_of_energy = is_bounded ? by_error * impulse_unit * speed_unit : 0;
+    const bool grows = !applied.assembly.has_moving_wall && energies[1] > energies[0] * (1 + 0x1p-40) + doubt_of_energy;
     effect.creates_energy = loss < -by_rounding;
-    effect.is_unphysical = effect.is_unphysical || gains || grows;
+    effect.is_unphysical = effect.is_unphysical || gains || (grows && is_bounded);
+    effect.lacks_digits = grows && !is_bounded;
     energies[2] = (gains ? lost_restitution : std::fmax(lost_restitution, -lost_friction)) * impulse_unit * speed_unit;
     energies[3] = lost_friction * impulse_unit * speed_unit;
   }
