@@ -84,7 +84,11 @@ def service_client(node: Any, service: str, namespace: str = NAMESPACE) -> Any:
 
     from collision_response import srv
 
-    types = {"resolve_collision": srv.ResolveCollision, "resolve_collision_batch": srv.ResolveCollisionBatch}
+    types = {
+        "resolve_collision": srv.ResolveCollision,
+        "resolve_collision_batch": srv.ResolveCollisionBatch,
+        "resolve_scene": srv.ResolveScene,
+    }
     qos = QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE)
     name = f"{namespace}/collision_response/{service}"
     return node.create_client(types[service], name, qos_profile=qos)

@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from collision_response import Geometry, Law, Precision
+
 from .child_process import DEADLINE, NAMESPACE, Parent, ros_node, service_client
-from .request_kinds import ANSWERS, batch, by_name, code_of, full
+from .request_kinds import ANSWERS, batch, by_name, code_of, full, pile
 
 TOLERANCE_NOT_MET = 17
 LONGEST_MESSAGE = 1000
@@ -53,6 +55,7 @@ KEPT: dict[str, list[Changes]] = {
         {"contact.header.frame_id": "x" * 100_000},
     ],
     "batch": [],
+    "scene": [],
     "states": [],
 }
 """Requests that were answered wrongly once. They are sent first."""
@@ -111,13 +114,13 @@ class Draw(random.Random):
             paths = [path for path in paths if path.startswith(group)]
         chosen = self.sample(paths, min(len(paths), self.choice((1, 1, 2, 2, 3, 5, 8))))
         found = {path: self.value(types[path]) for path in chosen}
-        for field, most in (("law", 5), ("precision", 4)):
+        for field, known in (("law", Law), ("geometry", Geometry), ("precision", Precision)):
             if f"model.{field}" in types and self.random() < 0.5:
-                found[f"model.{field}"] = self.randint(0, most)
+                found[f"model.{field}"] = self.choice((0, *known))
         return found
 
     def of_tables(self, request: Any) -> Changes:
-        """Changes of numbers and lengths of the tables of a batch."""
+        """Changes of numbers and lengths of the tables of a batch or a scene."""
         found: Changes = {}
         for _ in range(self.choice((1, 1, 2, 4))):
             name = self.choice(list(TABLES))
@@ -146,10 +149,12 @@ def fault_of(response: Any) -> str | None:
         return f"a message of {len(message)} characters"
     if not response.success:
         return None if message else f"code {code} without a message"
-    return _fault_of_batch(response) if hasattr(response, "code") else _fault_of_result(response.result)
+    if hasattr(response, "code"):
+        return _fault_of_batch(response)
+    return _fault_of_result(response.result) or _fault_of_vectors(response.result)
 
 
-MAY_BE_INFINITE = ("contact.", "model.", "error_bound", "state_age_")
+MAY_BE_INFINITE = ("contact.", "model.", "error_bound", "state_age_", "decision_margin")
 """Prefixes of fields of a result that may be infinite: echoed ones, and those whose declaration says so."""
 
 
@@ -161,6 +166,15 @@ def _fault_of_result(result: Any) -> str | None:
     bound, code = result.error_bound, result.status.code
     is_known = 0 <= bound < math.inf or (bound == math.inf and code == TOLERANCE_NOT_MET)
     return None if is_known else f"error_bound {bound} with code {code}"
+
+
+def _fault_of_vectors(result: Any) -> str | None:
+    """What is wrong with the vectors of a scene; a result of one impact has no lists of them."""
+    twists = getattr(result, "twists", ())
+    vectors = [part for twist in twists for part in (twist.linear, twist.angular)]
+    vectors += getattr(result, "impulses", ())
+    is_finite = all(math.isfinite(x) for vector in vectors for x in (vector.x, vector.y, vector.z))
+    return None if is_finite else "an answer with a vector that is not finite"
 
 
 def _fault_of_batch(response: Any) -> str | None:
@@ -190,10 +204,11 @@ class Fuzzer:
         service, self._base = {
             "single": ("resolve_collision", full),
             "batch": ("resolve_collision_batch", lambda: batch(6)),
+            "scene": ("resolve_scene", pile),
             "states": ("resolve_collision", lambda: by_name("known", "fixed")),
         }[order["what"]]
         self.client, self._executor = service_client(node, service), executor
-        self._draw, self._is_batch = Draw(order["seed"]), order["what"] == "batch"
+        self._draw, self._has_tables = Draw(order["seed"]), order["what"] in ("batch", "scene")
         self._types = fields(self._base())
         self._kept = list(KEPT[order["what"]])
         self.asked = self.answered = 0
@@ -205,8 +220,8 @@ class Fuzzer:
         """Changes for the next request."""
         if self._kept:
             return self._kept.pop()
-        found = {} if self._is_batch and self._draw.random() < 0.7 else self._draw.of(self._types)
-        return found | self._draw.of_tables(self._base()) if self._is_batch else found
+        found = {} if self._has_tables and self._draw.random() < 0.7 else self._draw.of(self._types)
+        return found | self._draw.of_tables(self._base()) if self._has_tables else found
 
     def ask(self, number: int) -> bool:
         """Send a number of requests, WINDOW at a time; return whether all were answered."""

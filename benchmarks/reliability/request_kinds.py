@@ -61,6 +61,19 @@ def scene() -> Any:
     return pack([ball, Body.static()], [(0, 1)] * 2, contacts, names=["a", "b"], frame_id="world")
 
 
+def pile() -> Any:
+    """A box that lands on four corners, and a ball on it."""
+    from collision_response import Body, Contact
+    from collision_response.ros.scene_client import pack
+
+    box = Body.box(2.0, (1.0, 1.0, 1.0), position=(0.0, 0.0, 0.5), velocity=(0.3, 0.0, -1.0))
+    ball = Body.sphere(1.0, 0.1, position=(0.2, 0.0, 1.1), velocity=(0.0, 0.1, -2.0))
+    corners = [(x, y, 0.0) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
+    contacts = [Contact.of(point, (0.0, 0.0, 1.0), 0.5, 0.3) for point in (*corners, (0.2, 0.0, 1.0))]
+    pairs = [*[(0, 2)] * 4, (1, 0)]
+    return pack([box, ball, Body.static()], pairs, contacts, names=["a", "b", "c"], frame_id="world")
+
+
 def by_name(*names: str) -> Any:
     """Two bodies by name only."""
     request = full()

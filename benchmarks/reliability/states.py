@@ -44,11 +44,11 @@ def by_the_node(stage: Stage, kind: str, rate: int, seconds: float) -> Row:
     stage.start(other, *publishers)
     sent = _sent(publishers)
     found = stopped(other)
-    values = stage.child("diagnostics").until("found")
     # A table replaces the previous one: only the node knows how many it received.
-    known = int(values["states"]) * TABLE if kind == "BodyStates" else _known(stage, sent["states"])
+    known = 0 if kind == "BodyStates" else _known(stage, sent["states"])
+    values = stage.child("diagnostics").until("found")  # after all states have been read
     return {
-        **_row(sent, known),
+        **_row(sent, known or int(values["states"]) * TABLE),
         "alive": node.is_alive(),
         "unanswered": found.unanswered,
         "latency": found.latency(),
