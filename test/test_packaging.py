@@ -74,6 +74,22 @@ def made_elsewhere(ninja, cache):
     )
 
 
+def test_an_update_keeps_the_bytecode_of_modules_and_removes_modules_that_are_gone(tmp_path, monkeypatch):
+    """A node that runs in another terminal may write its bytecode: the directory could not be removed."""
+    monkeypatch.syspath_prepend(str(ROOT / "tools"))
+    import setup_venv
+
+    kept = [tmp_path / "physics" / "__pycache__" / "body.pyc", tmp_path / "msg" / "_contact.py"]
+    gone = [tmp_path / "physics" / "gone.py", tmp_path / "gone" / "__pycache__" / "gone.pyc"]
+    for file in (*kept, *gone):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.touch()
+    setup_venv.link_python(tmp_path, [])
+    assert [file.exists() for file in (*kept, *gone)] == [True, True, False, False]
+    assert not (tmp_path / "gone").exists()
+    assert (tmp_path / "physics" / "body.py").samefile(ROOT / "collision_response" / "physics" / "body.py")
+
+
 @pytest.mark.parametrize("spoil", [lambda ninja, _: ninja.unlink(), made_elsewhere], ids=["gone", "copied"])
 def test_environments_of_one_python_share_the_kernels(tmp_path, monkeypatch, spoil):
     """Otherwise each would recompile them and replace those of the others. A build that lost its ninja with

@@ -269,12 +269,13 @@ def link_python(installed, compiled):
     sources.update({Path("kernels", module.name): module for module in compiled})
     for path in sorted(installed.rglob("*"), reverse=True):
         relative = path.relative_to(installed)
-        if relative.parts[0] in ("msg", "srv") or "collision_response_s" in path.name:
-            continue  # generated
+        is_generated = relative.parts[0] in ("msg", "srv") or "collision_response_s" in path.name
+        if is_generated or "__pycache__" in relative.parts:  # where a running node may write
+            continue
         if path.is_dir() and not path.is_symlink():
             if not (PACKAGE / relative).is_dir():
                 shutil.rmtree(str(path))
-        elif relative not in sources and "__pycache__" not in relative.parts:
+        elif relative not in sources:
             path.unlink()
     link_all(installed, sources)
 
