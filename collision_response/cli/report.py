@@ -45,6 +45,8 @@ def main(arguments: list[str]) -> int:
     except OSError as error:
         return _failed(error)
     print(f"\nplots: {target}")
+    if given.csv is not None:
+        print(f"table: {given.csv}")
     return 0
 
 
