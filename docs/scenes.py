@@ -23,7 +23,6 @@ from pages import rewrite, table
 
 from collision_response import Body, Contact, ImpactModel, Law, SceneImpact, resolve_scene
 from collision_response.demo.simultaneous import RADIUS, tight_rack
-from collision_response.physics.mass_properties import box
 from collision_response.physics.vector import Vec3
 from collision_response.scene.order_sensitivity import resolve_sequentially
 
@@ -77,9 +76,7 @@ def draw_cradle() -> None:
 # The flat box ---------------------------------------------------------------------------------
 
 CORNERS = [(x, y) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
-CUBE = Body.dynamic(
-    1.0, box(1.0, (1.0, 1.0, 1.0)).inertia, position=(0.0, 0.0, 0.5), velocity=(0.0, 0.0, -1.0)
-)
+CUBE = Body.box(1.0, (1.0, 1.0, 1.0), position=(0.0, 0.0, 0.5), velocity=(0.0, 0.0, -1.0))
 
 
 def flat_box() -> tuple[list[Body], list[tuple[int, int]], list[Contact]]:

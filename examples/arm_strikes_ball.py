@@ -88,9 +88,8 @@ class Arm:
 
 def ball(tip: Any) -> Body:
     """The ball, in contact with the tip."""
-    moment = 0.4 * BALL * RADIUS**2
-    inertia = (moment, 0.0, 0.0, moment, 0.0, moment)
-    return Body.dynamic(BALL, inertia, tip - RADIUS * NORMAL, None, BALL_VELOCITY, BALL_SPIN)
+    centre = tip - RADIUS * NORMAL
+    return Body.sphere(BALL, RADIUS, position=centre, velocity=BALL_VELOCITY, angular_velocity=BALL_SPIN)
 
 
 def by_pinocchio(rows: Any, restitution: float) -> Any:

@@ -25,7 +25,6 @@ Array = np.ndarray[Any, Any]
 
 RADIUS, MASS, STEP, DURATION = 0.1, 0.5, 0.05, 2.5
 GRAVITY = np.array([0.0, 0.0, -9.81])
-MOMENT = 0.4 * MASS * RADIUS**2
 E, MU, E_SD, MU_SD, SEEN_SD = 0.8, 0.1, 0.005, 0.005, 0.05
 MODEL = ImpactModel(Law.COULOMB)
 START = np.array([0.0, 0.0, 1.0, 0, 0, 0, 1.5, 0.5, 0.0, 1.0, -4.0, 7.0])
@@ -53,7 +52,7 @@ class Track(NamedTuple):
 def ball(state: Array) -> Body:
     """The ball in a state ``(x, theta, v, w)``; its orientation does not matter."""
     x, v, w = (state[part].tolist() for part in (POSITION, VELOCITY, SPIN))
-    return Body.dynamic(MASS, (MOMENT, 0.0, 0.0, MOMENT, 0.0, MOMENT), x, None, v, w)
+    return Body.sphere(MASS, RADIUS, position=x, velocity=v, angular_velocity=w)
 
 
 def contact_of(state: Array, e: float, mu: float) -> Contact:
