@@ -91,12 +91,14 @@ def test_a_ball_that_rattles_takes_no_more_digits_than_the_budget(kind, walls, m
     bodies = [Body.dynamic(kind(1), velocity=(0, 0, 1)), Body.dynamic(mass), Body.static()]
     contacts = [Contact.of((0, 0, 0), n, 1.0) for n in ((0, 0, 1), (0, 0, 1), (0, 1, 0), (0, -1, 0))]
     answer = resolve_scene(bodies, [(1, 0), (0, 2), (0, 2), (0, 2)][: 2 + walls], contacts[: 2 + walls])
-    assert answer.error_bound < 1e-3
     if answer.adjustments:
         assert answer.adjustments is Adjustment.NO_REBOUND and mass > 1e4
+        # Kernels reach the 10,000 reflections after which the law says so; fractions give up long before.
+        assert math.isinf(answer.error_bound) if spent else answer.error_bound < 1e-3
         assert answer.kinetic_energy_after == pytest.approx(0.5 / (1 + mass), rel=1e-6)  # they move as one
     else:
         assert answer.kinetic_energy_after == pytest.approx(0.5, rel=1e-6)
+        assert answer.error_bound < 1e-3
     assert sum(spent[:-1]) <= reflections.DIGITS  # what goes beyond is not looked at again
     assert spent or not (walls or kind is F)
 

@@ -37,6 +37,8 @@ def resolve_in_fractions(cluster: RationalCluster, law: Law, threshold: Scalar) 
     """
     impulses = _without_friction(cluster, law, threshold)
     effect = cluster.effect_of(impulses.normal)
+    if impulses.is_cut_off:
+        effect = effect._replace(error_bound=math.inf)
     code = StatusCode.INTERNAL_ERROR if effect.is_unphysical else StatusCode.OK
     return ClusterResult(
         code, effect, impulses.margin, impulses.restitution, impulses.no_rebound, impulses.fell_back
@@ -89,6 +91,7 @@ def _resolve_from_exact_impulses(
         margin=float(impulses.margin),
         restitution=-1.0 if impulses.restitution is None else float(impulses.restitution),
         no_rebound=impulses.no_rebound,
+        error=math.inf if impulses.is_cut_off else 0.0,
     )
     result = resolve_in_kernels(cluster, parts, options, law, decided)
     return result._replace(fell_back=impulses.fell_back or falls_back)
