@@ -149,6 +149,8 @@ struct AssembledContact {
   N velocity;  // normal velocity before the impact, times the length of the normal
   std::array<ContactAxis<double>, 3> axes;  // along the unit normal and two tangents
 
+  double unit() const { return scale * length; }  // 1 / sqrt(n.K n) of the unit normal
+
   // The unit normal and two tangents (Duff et al. 2017).
   template <class R>
   std::array<std::array<R, 3>, 3> unit_vectors() const {

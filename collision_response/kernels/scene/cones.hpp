@@ -32,7 +32,8 @@
 // slip is 1e9 times faster than the approach, as for a box that slides and hardly comes down, the bound of doubles is
 // 1e-3.
 #pragma once
-#include "active_set.hpp"
+#include "cone.hpp"
+#include "skyline.hpp"
 
 template <class R>
 class Cones {
@@ -42,7 +43,7 @@ class Cones {
   // rho times the rounding of R is what P may lose in a step, before polish().
   static constexpr double FIRST_RHO = 1e6, LEAST_RHO = 1e2, GREATEST_RHO = is_scalar<R> ? 1e10 : 1e24;
   static constexpr double KEEPING_RHO = is_scalar<R> ? 1e8 : 1e16;  // the greatest where velocities matter most
-  static constexpr double SIGMA = 1e6, GIVE = 1e-14;  // of contacts that fully take part
+  static constexpr double SIGMA = 1e6;  // of contacts that fully take part
   static constexpr double FIRM_SIGMA = is_scalar<R> ? SIGMA : 1e20;  // beside heavy bodies
   static constexpr int ROUNDS = 6;  // at most
   static constexpr int PARTIAL_ROUNDS = 3;  // for contacts that take less than their full part
@@ -53,28 +54,7 @@ class Cones {
   // Multiplications after which no steps begin that may be many. Only double-double takes so long.
   static constexpr double BUDGET = is_scalar<R> ? INFINITY : 1e8;
 
-  struct Cone {
-    int body[2];  // -1: immovable
-    R row[2][3][6];
-    Axes w;
-    double mu, share;  // share: rho_i / rho
-    // How much part in the loads it takes, from 0 to 1. The less, the less its velocity is kept, and the more work its
-    // impulses cost: give |P_i|^2 / 2.
-    double part;
-    double load;  // the impulse without friction, relative to the greatest
-
-    double give() const { return part < 1 ? GIVE / (part * part * part * part) : 0; }
-    // Whether it touches a body that has less than a thousandth part in n.K n.
-    bool has_heavy_body() const {
-      for (int side = 0; side < 2; ++side) {
-        double square = 0;
-        for (const R& x : row[side][0]) square += high(x) * high(x);
-        if (body[side] >= 0 && square < 1e-3) return true;
-      }
-      return false;
-    }
-  };
-  std::vector<Cone> cones;
+  std::vector<Cone<R>> cones;
   Vector kept_velocities;  // c, for each cone; or empty
   double enough = 5e-7;  // error of y: no further rounds are needed, nor steps at a tenth of it
   std::vector<Axes> P, z;  // z: w + B eta
@@ -86,28 +66,24 @@ class Cones {
 
   // After the last cone.
   void prepare() {
-    size_t n = cones.size();
-    P.resize(n);
-    z.resize(n);
-    variables = 6 * body_count + static_cast<int>(kept_velocities.size());
-    for (Vector* one : {&x, &gradient, &step, &rhs, &column}) one->resize(variables);
-    slopes.resize(n);
+    const ContactGraph graph = contact_graph();
+    P.resize(cones.size());
+    z.resize(cones.size());
+    for (Vector* one : {&x, &gradient, &step}) one->resize(graph.size());
+    slopes.resize(cones.size());
     multipliers.resize(kept_velocities.size());
-    for (const Cone& cone : cones)
+    for (const Cone<R>& cone : cones)
       for (const R& w : cone.w) fastest = std::fmax(fastest, std::fabs(high(w)));
-    order_variables();
-    allocate_matrix();
+    lay_out_matrix(graph);
   }
 
   // For cones without friction: set w so that the minimum without constraints is y = aim.
   void aim_at(const Vector& aim) {
-    for (Cone& cone : cones) {
-      const Axes v = velocity(cone, aim.data());
+    for (Cone<R>& cone : cones) {
+      const Axes v = cone.velocity(aim.data());
       cone.w = {-v[0], R{}, R{}};
     }
   }
-
-  double multiplications() const { return work; }
 
   // Find P: of all solutions nearly the one with the least sum of squares. Returns a bound on the error of y.
   double solve() {
@@ -127,51 +103,6 @@ class Cones {
     }
     return go_on();
   }
-  // The same, from the P at hand.
-  double go_on() {
-    const auto is_partial = [](const Cone& cone) { return cone.part < 1; };
-    const bool are_partial = std::any_of(cones.begin(), cones.end(), is_partial);
-    if (const double error = are_partial ? INFINITY : keep_velocities(); error <= enough) return error;
-    Bounds bounds = finish_round();
-    double error = bounds.of_round;
-    auto goes_on = [&](int round) {
-      if (bounds.of_kept <= enough) return false;
-      return (are_partial && round < PARTIAL_ROUNDS) || (!bounds.are_kept && work < BUDGET);
-    };
-    for (int round = 1; round < ROUNDS && goes_on(round); ++round) {
-      for (size_t i = 0; i < multipliers.size(); ++i)
-        if (!is_partial(cones[i]) || round < PARTIAL_ROUNDS) multipliers[i] = x[6 * body_count + i];
-      lagrangian_step(FIRST_RHO, P, false, 60);
-      bounds = finish_round();
-      error += std::sqrt(2) * bounds.of_round;  // lambda_0 has the error of the round before
-    }
-    return is_firm() ? bounds.of_kept : std::fmin(error, bounds.of_kept);
-  }
-
-  // Steps that are rounds of their own: mostly, two keep the velocities to all digits. Further ones follow only if ROUNDS
-  // would keep them, too. Returns a bound on the error of y; if it is more than enough, nothing has changed.
-  double keep_velocities() {
-    if (kept_velocities.empty()) return INFINITY;
-    const State before = state();
-    double error = INFINITY, last = INFINITY, size = 100 * FIRST_RHO;
-    bool converges = true;
-    auto gains = [&] { return error < last / (converges ? 10 : 2) && work < BUDGET; };
-    for (int round = 0; round < 2 || (error > enough && gains()); ++round) {
-      multipliers.assign(x.begin() + 6 * body_count, x.end());
-      converges = lagrangian_step(size, P, false, 10);
-      if (converges) size = std::fmin(100 * size, KEEPING_RHO);
-      if (round == 0 && converges) continue;
-      polish();
-      last = error;
-      error = motion_bounds(ROUNDING).of_kept;  // may suffice although the step has not converged
-    }
-    if (!(error <= enough)) {
-      restore(before);
-      multipliers.assign(kept_velocities.size(), R{});
-    }
-    return error;
-  }
-
   // One step from Q = 0, with rho = size. If Newton's method does not converge from the start, raise rho step by step, by
   // factors with which it does.
   void solve_from_zero(double size = FIRST_RHO) {
@@ -179,7 +110,8 @@ class Cones {
     if (lagrangian_step(size, none, true, 12)) return;
     double reached = 1, factor = GREATEST_FACTOR;
     lagrangian_step(reached, none, true, 60);
-    for (int turn = 0; turn < MAX_STEPS && reached < size && factor > LEAST_FACTOR && work < BUDGET; ++turn) {
+    for (int turn = 0; turn < MAX_STEPS && reached < size && factor > LEAST_FACTOR && multiplications() < BUDGET;
+         ++turn) {
       const State before = state();
       const double next = std::fmin(factor * reached, size);
       if (lagrangian_step(next, none, false, 60)) {
@@ -190,44 +122,6 @@ class Cones {
         factor = std::sqrt(factor);
       }
     }
-  }
-
-  // Further steps, with the greatest rho for which Newton's method converges. Many are needed if several ways to share
-  // a load do nearly the same work.
-  void take_adaptive_steps() {
-    State best = state();
-    double least = motion_error(), size = FIRST_RHO;
-    for (int turn = 0; turn < MAX_STEPS && least > enough / 10 && work < BUDGET; ++turn) {
-      const State before = state();
-      if (!lagrangian_step(size, P, false, 30)) {
-        restore(before);
-        size /= 10;
-        continue;
-      }
-      size = std::fmin(30 * size, GREATEST_RHO);
-      polish();
-      if (const double now = motion_error(); now < least) {
-        least = now;
-        best = state();
-      }
-    }
-    restore(best);
-  }
-
-  // Further steps from the current P, until they reduce the error no more. They do not keep the sum of squares least.
-  void refine() {
-    double least = motion_error();
-    // The velocities themselves, which MOREAU takes its shifts from, need less rounding.
-    for (double size = kept_velocities.empty() ? KEEPING_RHO : GREATEST_RHO; size >= LEAST_RHO; size /= 100)
-      for (bool gains = true; gains && least > enough / 10;) {
-        const State before = state();
-        lagrangian_step(size, P, false, 60);
-        polish();
-        double now = motion_error();
-        gains = now < least / 3;
-        if (now < least) least = now;
-        else restore(before);
-      }
   }
 
   // One augmented Lagrangian step with rho = size, from impulses Q. `from_start` begins as if all contacts held.
@@ -288,20 +182,148 @@ class Cones {
     newton();
     increase(x, 1, step);
     for (size_t i = 0; i < cones.size(); ++i) {
-      Axes by = velocity(cones[i], step.data());
+      Axes by = cones[i].velocity(step.data());
       for (int a = 0; a < 3; ++a) z[i][a] += by[a];
       for (int a = 0; a < 3; ++a)
         for (int k = 0; k < 3; ++k) P[i][a] -= own_step(cones[i]) * slopes[i][a][k] * by[k];
       Slope unused;
-      project_on_cone(cones[i].mu, P[i], unused);
+      cones[i].project(P[i], unused);
     }
   }
 
   // y = B^T P
   Vector motion() const {
     Vector y(6 * static_cast<size_t>(body_count));
-    for (size_t i = 0; i < cones.size(); ++i) add_row(cones[i], P[i], y);
+    for (size_t i = 0; i < cones.size(); ++i) cones[i].add_effect(P[i], y);
     return y;
+  }
+
+  // A bound on the distance of y from that of the minimum of this round, without rounding.
+  double motion_error() const { return motion_bounds(0).of_round; }
+  double multiplications() const { return work + matrix.multiplications(); }
+
+ private:
+  template <class>
+  friend class Cones;
+  using Slope = typename Cone<R>::Slope;
+  static constexpr double ROUNDING = Traits<R>::roundoff * 8;
+
+  int body_count;
+  double fastest = 1;  // the greatest component of w
+  Vector x;  // eta, lambda
+  Vector multipliers;  // lambda_0
+  double rho = 1;  // of the current step
+  std::vector<Axes> from;  // Q
+  Vector gradient, step, effect;  // of x
+  std::vector<Slope> slopes;  // of the projections on the cones
+  Skyline<R> matrix;
+  Vector fixed;  // the entries that do not depend on P
+  double work = 0;  // multiplications, but those of the matrix
+
+  struct State {
+    std::vector<Axes> P, z;
+    Vector x;
+  };
+  State state() const { return {P, z, x}; }
+  void restore(const State& before) {
+    P = before.P;
+    z = before.z;
+    x = before.x;
+  }
+
+  // On the error of y: the distance from the minimum of a round, and from that with N y = c.
+  struct Bounds {
+    double of_round, of_kept;
+    bool are_kept;  // whether the velocities are, to all digits
+  };
+
+  // Rounds from the P at hand. Returns a bound on the error of y.
+  double go_on() {
+    const bool are_partial =
+        std::any_of(cones.begin(), cones.end(), [](const Cone<R>& one) { return one.is_partial(); });
+    if (const double error = are_partial ? INFINITY : keep_velocities(); error <= enough) return error;
+    Bounds bounds = finish_round();
+    double error = bounds.of_round;
+    auto goes_on = [&](int round) {
+      if (bounds.of_kept <= enough) return false;
+      return (are_partial && round < PARTIAL_ROUNDS) || (!bounds.are_kept && multiplications() < BUDGET);
+    };
+    for (int round = 1; round < ROUNDS && goes_on(round); ++round) {
+      for (size_t i = 0; i < multipliers.size(); ++i)
+        if (!cones[i].is_partial() || round < PARTIAL_ROUNDS) multipliers[i] = x[6 * body_count + i];
+      lagrangian_step(FIRST_RHO, P, false, 60);
+      bounds = finish_round();
+      error += std::sqrt(2) * bounds.of_round;  // lambda_0 has the error of the round before
+    }
+    return is_firm() ? bounds.of_kept : std::fmin(error, bounds.of_kept);
+  }
+
+  // Steps that are rounds of their own: mostly, two keep the velocities to all digits. Further ones follow only if ROUNDS
+  // would keep them, too. Returns a bound on the error of y; if it is more than enough, nothing has changed.
+  double keep_velocities() {
+    if (kept_velocities.empty()) return INFINITY;
+    const State before = state();
+    double error = INFINITY, last = INFINITY, size = 100 * FIRST_RHO;
+    bool converges = true;
+    auto gains = [&] { return error < last / (converges ? 10 : 2) && multiplications() < BUDGET; };
+    for (int round = 0; round < 2 || (error > enough && gains()); ++round) {
+      multipliers.assign(x.begin() + 6 * body_count, x.end());
+      converges = lagrangian_step(size, P, false, 10);
+      if (converges) size = std::fmin(100 * size, KEEPING_RHO);
+      if (round == 0 && converges) continue;
+      polish();
+      last = error;
+      error = motion_bounds(ROUNDING).of_kept;  // may suffice although the step has not converged
+    }
+    if (!(error <= enough)) {
+      restore(before);
+      multipliers.assign(kept_velocities.size(), R{});
+    }
+    return error;
+  }
+
+  Bounds finish_round() {
+    if constexpr (is_scalar<R>) refine();
+    else take_adaptive_steps();
+    return motion_bounds(ROUNDING);
+  }
+
+  // Further steps, with the greatest rho for which Newton's method converges. Many are needed if several ways to share
+  // a load do nearly the same work.
+  void take_adaptive_steps() {
+    State best = state();
+    double least = motion_error(), size = FIRST_RHO;
+    for (int turn = 0; turn < MAX_STEPS && least > enough / 10 && multiplications() < BUDGET; ++turn) {
+      const State before = state();
+      if (!lagrangian_step(size, P, false, 30)) {
+        restore(before);
+        size /= 10;
+        continue;
+      }
+      size = std::fmin(30 * size, GREATEST_RHO);
+      polish();
+      if (const double now = motion_error(); now < least) {
+        least = now;
+        best = state();
+      }
+    }
+    restore(best);
+  }
+
+  // Further steps from the current P, until they reduce the error no more. They do not keep the sum of squares least.
+  void refine() {
+    double least = motion_error();
+    // The velocities themselves, which MOREAU takes its shifts from, need less rounding.
+    for (double size = kept_velocities.empty() ? KEEPING_RHO : GREATEST_RHO; size >= LEAST_RHO; size /= 100)
+      for (bool gains = true; gains && least > enough / 10;) {
+        const State before = state();
+        lagrangian_step(size, P, false, 60);
+        polish();
+        double now = motion_error();
+        gains = now < least / 3;
+        if (now < least) least = now;
+        else restore(before);
+      }
   }
 
   // Bounds on the distance of y from y* of the minimum, for the current P. Let v be the velocities of the cones,
@@ -315,10 +337,6 @@ class Cones {
   // P* and lambda* are assumed to be no greater than the greatest P and lambda found; or lambda*, than mu times the slip
   // before, unless the load is too great for the contact to slide on. Beside heavy bodies, lambda* may also be as great
   // as where all contacts stick.
-  struct Bounds {
-    double of_round, of_kept;
-    bool are_kept;  // whether the velocities are, to all digits
-  };
   Bounds motion_bounds(double rounding) const {
     const Vector y = motion();
     Vector dual = y;
@@ -326,9 +344,9 @@ class Cones {
     double greatest = 1, gap = 0, of_round = 0, of_kept = 0, of_sticking = 0, longest = 0;
     bool are_kept = true;
     for (size_t i = 0; i < kept_velocities.size(); ++i) {
-      const Cone& cone = cones[i];
-      add_row(cone, Axes{-lambda[i], R{}, R{}}, dual);
-      const R off = velocity(cone, y.data())[0] - kept_velocities[i];
+      const Cone<R>& cone = cones[i];
+      cone.add_effect(Axes{-lambda[i], R{}, R{}}, dual);
+      const R off = cone.velocity(y.data())[0] - kept_velocities[i];
       const double size = std::fabs(high(kept_velocities[i])), lost = rounding * (size + size_near(cone, y));
       const double r = std::fabs(high(off + (lambda[i] - multipliers[i]) / stiffness(cone))) + lost;
       of_round += stiffness(cone) * r * r / 2;
@@ -336,12 +354,12 @@ class Cones {
       if (is_firm()) of_sticking += sticking[i] * (std::fabs(high(off)) + lost);
       const double slip = std::hypot(high(cone.w[1]), high(cone.w[2]));
       longest = std::fmax(longest, std::fmax(std::fabs(high(lambda[i])), slip * std::fmin(cone.mu, slip / cone.load)));
-      are_kept = are_kept && (cone.part < 1 || std::fabs(high(off)) <= KEPT * size + lost);
+      are_kept = are_kept && (cone.is_partial() || std::fabs(high(off)) <= KEPT * size + lost);
     }
     for (const Axes& one : P) greatest = std::fmax(greatest, std::hypot(high(one[0]), high(one[1]), high(one[2])));
     for (size_t i = 0; i < cones.size(); ++i) {
-      const Cone& cone = cones[i];
-      Axes v = velocity(cone, dual.data());
+      const Cone<R>& cone = cones[i];
+      Axes v = cone.velocity(dual.data());
       for (int k = 0; k < 3; ++k) v[k] += cone.w[k] + cone.give() * P[i][k];
       const R slip = cone.mu > 0 ? length_of(v[1], v[2]) : R{};
       const double outside = std::fmax(high(cone.mu * slip - v[0]), 0);
@@ -350,47 +368,16 @@ class Cones {
     }
     return {std::sqrt(gap + of_round), std::sqrt(gap + 2 * longest * of_kept + of_sticking), are_kept};
   }
-  double motion_error() const { return motion_bounds(0).of_round; }
-  Bounds finish_round() {
-    if constexpr (is_scalar<R>) refine();
-    else take_adaptive_steps();
-    return motion_bounds(ROUNDING);
-  }
-
- private:
-  template <class>
-  friend class Cones;
-  int body_count, variables = 0;
-  double rho = 1;
-  double work = 0;  // multiplications so far
-  double fastest = 1;  // the greatest component of w
-  Vector x;  // eta, lambda
-  Vector multipliers;  // lambda_0
-  struct State {
-    std::vector<Axes> P, z;
-    Vector x;
-  };
-  State state() const { return {P, z, x}; }
-  void restore(const State& before) {
-    P = before.P;
-    z = before.z;
-    x = before.x;
-  }
-  std::vector<Axes> from;
-  static constexpr double ROUNDING = Traits<R>::roundoff * 8;
-  using Slope = std::array<Axes, 3>;
-  std::vector<Slope> slopes;
-  Vector gradient, step;
 
   bool is_firm() const { return !sticking.empty(); }
   // sigma of a contact. One of great friction that slides because its load is light presses the harder to move apart.
-  double stiffness(const Cone& cone) const {
+  double stiffness(const Cone<R>& cone) const {
     const double light = std::fmax(std::fmin(cone.mu, 1 / cone.load) / 10, 1);
     const double sigma = is_firm() ? FIRM_SIGMA : SIGMA;
     return cone.part * cone.part * cone.part * sigma * fastest * (light * light);
   }
-  double own_step(const Cone& cone) const { return rho * cone.share / (1 + rho * cone.share * cone.give()); }
-  static double size_near(const Cone& cone, const Vector& y) {
+  double own_step(const Cone<R>& cone) const { return rho * cone.share / (1 + rho * cone.share * cone.give()); }
+  static double size_near(const Cone<R>& cone, const Vector& y) {
     double square = 0;
     for (int body : cone.body)
       for (int k = 0; body >= 0 && k < 6; ++k) square += high(y[6 * body + k]) * high(y[6 * body + k]);
@@ -404,68 +391,26 @@ class Cones {
     }
     return most;
   }
-  static Axes velocity(const Cone& cone, const R* y) {
-    Axes v{};
-    for (int side = 0; side < 2; ++side)
-      if (cone.body[side] >= 0) {
-        const R* of = y + 6 * cone.body[side];
-        for (int a = 0; a < 3; ++a)
-          for (int k = 0; k < 6; ++k) v[a] += cone.row[side][a][k] * of[k];
-      }
-    return v;
-  }
-  static void add_row(const Cone& cone, const Axes& by, Vector& y) {
-    for (int side = 0; side < 2; ++side)
-      if (cone.body[side] >= 0) {
-        R* of = &y[6 * cone.body[side]];
-        for (int k = 0; k < 6; ++k)
-          of[k] += cone.row[side][0][k] * by[0] + cone.row[side][1][k] * by[1] + cone.row[side][2][k] * by[2];
-      }
-  }
-
-  // Project q on the cone; `slope` is the derivative of the projection.
-  static void project_on_cone(double mu, Axes& q, Slope& slope) {
-    const R t = root(q[1] * q[1] + q[2] * q[2]), one = constant<R>(1), none{};
-    slope = {};
-    if (less_equal(none, q[0]) && less_equal(t, mu * q[0])) {
-      for (int k = 0; k < 3; ++k) slope[k][k] = one;
-      return;
-    }
-    if (less_equal(mu * t, -q[0])) {
-      q = {};
-      return;
-    }
-    const bool turned = high(t) > 0;
-    const R d[2] = {turned ? q[1] / t : none, turned ? q[2] / t : none}, whole = one / (one + mu * constant<R>(mu));
-    const R n = (q[0] + mu * t) * whole, round = turned ? mu * n / t : none;
-    slope[0][0] = whole;
-    for (int k = 0; k < 2; ++k) {
-      slope[0][1 + k] = slope[1 + k][0] = mu * whole * d[k];
-      for (int l = 0; l < 2; ++l)
-        slope[1 + k][1 + l] = (mu * mu * whole - round) * d[k] * d[l] + (k == l ? round : none);
-    }
-    q = {n, mu * n * d[0], mu * n * d[1]};
-  }
 
   // Returns the value to minimise at (eta, lambda); sets its gradient, P, z and slopes. `holding`: as if all contacts
   // held.
   R evaluate(const Vector& at, bool holding) {
     const R* lambda = at.data() + 6 * body_count;
-    Vector& y = whole;
+    Vector& y = effect;
     y.assign(at.begin(), at.begin() + 6 * body_count);
-    for (size_t i = 0; i < kept_velocities.size(); ++i) add_row(cones[i], Axes{lambda[i], R{}, R{}}, y);
+    for (size_t i = 0; i < kept_velocities.size(); ++i) cones[i].add_effect(Axes{lambda[i], R{}, R{}}, y);
     work += static_cast<double>(90 * cones.size());
     R value{};
     for (const R& v : y) value += v * v / 2;
     for (size_t i = 0; i < kept_velocities.size(); ++i) {
       const R by = lambda[i] - multipliers[i];
-      gradient[6 * body_count + i] = velocity(cones[i], y.data())[0] - kept_velocities[i] + by / stiffness(cones[i]);
+      gradient[6 * body_count + i] = cones[i].velocity(y.data())[0] - kept_velocities[i] + by / stiffness(cones[i]);
       value += by * by / (2 * stiffness(cones[i])) - kept_velocities[i] * lambda[i];
     }
     for (size_t i = 0; i < cones.size(); ++i) {
-      const Cone& cone = cones[i];
+      const Cone<R>& cone = cones[i];
       const double own = rho * cone.share, less = 1 / (1 + own * cone.give());
-      z[i] = velocity(cone, at.data());
+      z[i] = cone.velocity(at.data());
       for (int k = 0; k < 3; ++k) {
         z[i][k] += cone.w[k];
         P[i][k] = less * (from[i][k] - own * z[i][k]);
@@ -475,117 +420,50 @@ class Cones {
         for (int k = 0; k < 3; ++k) slopes[i][k][k] = constant<R>(k == 0 || cone.mu > 0);
         if (!(cone.mu > 0)) P[i][1] = P[i][2] = R{};
       } else {
-        project_on_cone(cone.mu, P[i], slopes[i]);
+        cone.project(P[i], slopes[i]);
       }
       value += (P[i][0] * P[i][0] + P[i][1] * P[i][1] + P[i][2] * P[i][2]) / (2 * own * less);
-      add_row(cone, Axes{-P[i][0], -P[i][1], -P[i][2]}, y);
+      cone.add_effect(Axes{-P[i][0], -P[i][1], -P[i][2]}, y);
     }
     std::copy(y.begin(), y.end(), gradient.begin());
     return value;
   }
 
-  // The matrix of Newton's method, by rows from the first entry that is not 0 to the diagonal.
-  std::vector<int> place, first;
-  std::vector<size_t> start;
-  std::vector<int> end;  // of each column, below its last row
-  Vector fixed, M, rhs, column, whole;
-  R& at(Vector& matrix, int i, int j) const {
-    int a = std::max(place[i], place[j]), b = std::min(place[i], place[j]);
-    return matrix[start[a] + static_cast<size_t>(b - first[a])];
+  ContactGraph contact_graph() const {
+    ContactGraph graph{body_count, !kept_velocities.empty()};
+    for (const Cone<R>& cone : cones) graph.pairs.push_back({cone.body[0], cone.body[1]});
+    return graph;
   }
 
-  // Order the variables so that rows are short: bodies breadth first from one with few contacts, each followed by the
-  // multipliers of its contacts.
-  void order_variables() {
-    std::vector<std::vector<int>> touching(body_count);
-    for (size_t i = 0; i < cones.size(); ++i)
-      for (int body : cones[i].body)
-        if (body >= 0) touching[body].push_back(static_cast<int>(i));
-    std::vector<int> roots(body_count), queue;
-    std::iota(roots.begin(), roots.end(), 0);
-    auto fewer = [&](int a, int b) { return touching[a].size() < touching[b].size(); };
-    std::stable_sort(roots.begin(), roots.end(), fewer);
-    std::vector<char> seen(body_count), placed(kept_velocities.size());
-    place.assign(variables, 0);
-    int next = 0;
-    for (int root : roots) {
-      if (seen[root]) continue;
-      queue.assign(1, root);
-      seen[root] = 1;
-      for (size_t k = 0; k < queue.size(); ++k) {
-        int body = queue[k];
-        for (int c = 0; c < 6; ++c) place[6 * body + c] = next++;
-        std::vector<int> near;
-        for (int i : touching[body]) {
-          int other = cones[i].body[0] == body ? cones[i].body[1] : cones[i].body[0];
-          if (i < static_cast<int>(kept_velocities.size()) && !placed[i] && (other < 0 || seen[other])) {
-            placed[i] = 1;
-            place[6 * body_count + i] = next++;
-          }
-          if (other >= 0 && !seen[other]) {
-            seen[other] = 1;
-            near.push_back(other);
-          }
-        }
-        std::stable_sort(near.begin(), near.end(), fewer);
-        queue.insert(queue.end(), near.begin(), near.end());
-      }
-    }
-    members.assign(body_count, {});
-    for (int b = 0; b < body_count; ++b) {
-      for (int c = 0; c < 6; ++c) members[b].push_back(6 * b + c);
-      for (int i : touching[b])
-        if (i < static_cast<int>(kept_velocities.size())) members[b].push_back(6 * body_count + i);
-    }
-  }
-  std::vector<std::vector<int>> members;  // for each body, its variables and the multipliers of its contacts
-
-  void allocate_matrix() {
-    first.assign(variables, 0);
-    for (int i = 0; i < variables; ++i) first[place[i]] = place[i];
-    auto join = [&](const std::vector<int>& all) {
-      int least = variables;
-      for (int i : all) least = std::min(least, place[i]);
-      for (int i : all) first[place[i]] = std::min(first[place[i]], least);
-    };
-    for (const auto& some : members) join(some);
-    for (const Cone& cone : cones)
-      if (cone.body[0] >= 0 && cone.body[1] >= 0) {
-        std::vector<int> both;
-        for (int body : cone.body)
-          for (int k = 0; k < 6; ++k) both.push_back(6 * body + k);
-        join(both);
-      }
-    end.assign(variables, 0);
-    for (int i = 0; i < variables; ++i) std::fill(end.begin() + first[i], end.begin() + i + 1, i + 1);
-    start.assign(variables + 1, 0);
-    for (int i = 0; i < variables; ++i) start[i + 1] = start[i] + static_cast<size_t>(i - first[i] + 1);
-    fixed.assign(start[variables], R{});
-    for (int i = 0; i < 6 * body_count; ++i) at(fixed, i, i) = constant<R>(1);
-    for (int b = 0; b < body_count && !kept_velocities.empty(); ++b)
-      for (size_t s = 6; s < members[b].size(); ++s) {
-        int i = members[b][s];
+  // Lay out Newton's matrix, and find the part of it that does not depend on P.
+  void lay_out_matrix(const ContactGraph& graph) {
+    const std::vector<std::vector<int>> groups = graph.groups();
+    matrix.lay_out(graph.order(), groups);
+    for (int i = 0; i < 6 * body_count; ++i) matrix.at(i, i) = constant<R>(1);
+    for (int b = 0; b < body_count; ++b)
+      for (size_t s = 6; s < groups[b].size(); ++s) {
+        const int i = groups[b][s];
         const R* row = normal(i - 6 * body_count, b);
-        for (int k = 0; k < 6; ++k) at(fixed, 6 * b + k, i) += row[k];
+        for (int k = 0; k < 6; ++k) matrix.at(6 * b + k, i) += row[k];
         for (size_t t = 6; t <= s; ++t) {
-          int j = members[b][t];
+          const int j = groups[b][t];
           const R* other = normal(j - 6 * body_count, b);
           R sum{};
           for (int k = 0; k < 6; ++k) sum += row[k] * other[k];
-          at(fixed, i, j) += sum;
+          matrix.at(i, j) += sum;
         }
       }
+    fixed = matrix.entries;
   }
   const R* normal(int i, int body) const { return cones[i].row[cones[i].body[0] == body ? 0 : 1][0]; }
 
-  // step = -M^-1 gradient, by Cholesky's factors, column by column. They hold the inverses of their diagonal.
+  // step = -M^-1 gradient
   void newton() {
-    M = fixed;
-    for (size_t i = 0; i < kept_velocities.size(); ++i)
-      at(M, 6 * body_count + static_cast<int>(i), 6 * body_count + static_cast<int>(i)) +=
-          constant<R>(1 / stiffness(cones[i]));
+    matrix.entries = fixed;
+    for (int i = 0; i < static_cast<int>(kept_velocities.size()); ++i)
+      matrix.at(6 * body_count + i, 6 * body_count + i) += constant<R>(1 / stiffness(cones[i]));
     for (size_t i = 0; i < cones.size(); ++i) {
-      const Cone& cone = cones[i];
+      const Cone<R>& cone = cones[i];
       const double own = own_step(cone);
       R part[2][3][6];
       if (high(slopes[i][0][0]) == 0) continue;  // no impulse at this contact
@@ -597,37 +475,17 @@ class Cones {
       for (int s = 0; s < 2; ++s)
         for (int t = 0; t < 2; ++t) {
           if (cone.body[s] < 0 || cone.body[t] < 0) continue;
-          int rows = place[6 * cone.body[s]], columns = place[6 * cone.body[t]];
-          if (columns > rows) continue;
+          const int rows = 6 * cone.body[s], columns = 6 * cone.body[t];
+          if (!matrix.is_below(rows, columns)) continue;
           for (int k = 0; k < 6; ++k) {
-            R* row = &M[start[rows + k] + static_cast<size_t>(columns - first[rows + k])];
-            int last = rows == columns ? k + 1 : 6;
+            R* row = &matrix.at(rows + k, columns);
+            const int last = rows == columns ? k + 1 : 6;
             for (int l = 0; l < last; ++l)
               row[l] += cone.row[s][0][k] * part[t][0][l] + cone.row[s][1][k] * part[t][1][l] +
                         cone.row[s][2][k] * part[t][2][l];
           }
         }
     }
-    for (int i = 0; i < variables; ++i) rhs[place[i]] = -gradient[i];
-    for (int k = 0; k < variables; ++k) {
-      R& pivot = M[start[k + 1] - 1];
-      pivot = high(pivot) > 0 ? constant<R>(1) / root(pivot) : constant<R>(0x1p-200);
-      rhs[k] = rhs[k] * pivot;
-      for (int i = k + 1; i < end[k]; ++i) {
-        column[i] = R{};
-        if (first[i] > k) continue;
-        R* row = &M[start[i]] + (k - first[i]);
-        const R entry = column[i] = row[0] = row[0] * pivot;
-        for (int j = k + 1; j <= i; ++j) row[j - k] -= entry * column[j];
-        rhs[i] -= entry * rhs[k];
-        work += i - k;
-      }
-    }
-    for (int i = variables; i-- > 0;) {
-      const R* row = &M[start[i]];
-      rhs[i] = rhs[i] * row[i - first[i]];
-      for (int j = first[i]; j < i; ++j) rhs[j] -= row[j - first[i]] * rhs[i];
-    }
-    for (int i = 0; i < variables; ++i) step[i] = rhs[place[i]];
+    matrix.solve(gradient, step);
   }
 };

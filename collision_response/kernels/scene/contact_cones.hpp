@@ -1,18 +1,25 @@
 // The contacts of a cluster as cones of friction.
 #pragma once
 #include "assembly.hpp"
-#include "cones.hpp"
+#include "cone.hpp"
 
 // Coefficients of friction: greater ones have no further effect, and smaller ones none at all.
 constexpr double GREATEST_FRICTION = 1e30, LEAST_FRICTION = 1e-30, GREATEST_IN_ONE_STEP = 1e6;
 
+// The mean of n.K n of unit normals.
+inline double mean_inverse_mass(const Assembly& assembly, const std::vector<int>& among) {
+  double sum = 0;
+  for (int i : among) sum += 1 / (assembly.contacts[i].unit() * assembly.contacts[i].unit());
+  return sum / static_cast<double>(among.size());
+}
+
 // A contact as a cone, with impulses in units that make n.K n of every contact 1, and velocities in units of `speed`.
-// `mean` is the mean of 1 / (n.K n) of unit normals. part and load: see Cone.
+// `mean` is the mean of n.K n of unit normals. part and load: see Cone.
 template <class R>
-typename Cones<R>::Cone cone_of(const AssembledContact& contact, const std::array<ContactAxis<R>, 3>& axes,
-                                double speed, double mean, double part = 1, double load = 1) {
-  typename Cones<R>::Cone cone;
-  double unit = contact.scale * contact.length;
+Cone<R> cone_of(const AssembledContact& contact, const std::array<ContactAxis<R>, 3>& axes, double speed, double mean,
+                double part = 1, double load = 1) {
+  Cone<R> cone;
+  const double unit = contact.unit();
   for (int side = 0; side < 2; ++side) {
     cone.body[side] = contact.body[side];
     for (int axis = 0; axis < 3; ++axis)
@@ -30,6 +37,6 @@ typename Cones<R>::Cone cone_of(const AssembledContact& contact, const std::arra
 
 // An impulse of such a cone in newton seconds.
 inline Axes in_newton_seconds(Axes P, const AssembledContact& contact, double speed) {
-  for (double& along : P) along = along * speed * contact.scale * contact.length;
+  for (double& along : P) along = along * speed * contact.unit();
   return P;
 }

@@ -37,7 +37,7 @@ struct ContactSprings {
     C.resize(count);
     for (const AssembledContact& contact : assembly.contacts) {
       speed = std::fmax(speed, -contact.axes[0].velocity);
-      mass = std::fmax(mass, std::fabs(contact.scale * contact.length));
+      mass = std::fmax(mass, std::fabs(contact.unit()));
     }
     unit = power_near(speed);
     root = power_near(mass);

@@ -31,117 +31,10 @@
 // Graph. 27 (2008), for maximal dissipation over actual cones; Smith et al. 2012 (see scene/reflections.py), for
 // friction after reflections.
 #pragma once
-#include "contact_cones.hpp"
 #include "impulses.hpp"
-#include "least_norm.hpp"
 #include "motion.hpp"
 #include "projection.hpp"
-
-constexpr double SHARING = 1e-9;  // for contacts whose normals or lever arms differ by 3e-5
-
-// The impulses >= 0 of nearly the same effect as p with nearly the least norm: those that minimise the square of the
-// difference in the effect, plus SHARING times the norm. Moving walls are one more body, which their work moves.
-inline Vector nearly_least_norm(const Assembly& assembly, const Vector& p) {
-  const int count = assembly.count, walls = assembly.body_count;
-  double greatest = 0, fastest = 0, mean = 0;
-  for (int i = 0; i < count; ++i) {
-    const AssembledContact& contact = assembly.contacts[i];
-    greatest = std::fmax(greatest, p[i] / contact.scale);
-    fastest = std::fmax(fastest, std::fabs(high(contact.velocity)) * contact.scale);
-    mean += contact.scale * contact.scale * contact.length * contact.length / count;
-  }
-  Cones<DD> programme(walls + assembly.has_moving_wall);
-  for (int i = 0; i < count; ++i) {
-    const AssembledContact& contact = assembly.contacts[i];
-    Cones<DD>::Cone cone = cone_of(contact, assembly.axes_of<DD>(contact), 1, 1 / mean);
-    cone.mu = 0;
-    for (int side = 0; side < 2; ++side)
-      if (contact.wall[side] >= 0) {
-        cone.body[side] = walls;
-        for (int k = 0; k < 6 && fastest > 0; ++k)
-          cone.row[side][0][0] += contact.scale / fastest * assembly.walls[contact.wall[side]].x[BODY_VELOCITY_X + k] *
-                                  value(contact.jacobian[side][k]);
-      }
-    programme.cones.push_back(cone);
-    programme.P.push_back({DD{p[i] / contact.scale / greatest, 0}, DD{}, DD{}});
-  }
-  programme.aim_at(programme.motion());
-  programme.prepare();
-  programme.solve_from_zero(1 / SHARING);
-  Vector nearly;
-  for (int i = 0; i < count; ++i) nearly.push_back(programme.P[i][0].h * greatest * assembly.contacts[i].scale);
-  return nearly;
-}
-
-// Up to which loads of independent contacts, relative to the greatest, rounding may decide: the more, the more nearly
-// they depend on each other.
-inline Vector rounding_of_loads(const Assembly& assembly) {
-  constexpr double ROUNDING = 0x1p-72;
-  const std::vector<DD> matrix = assembly.couplings<DD>();
-  ActiveSet<DD> basis(matrix.data(), assembly.count);
-  basis.span(assembly.all_contacts(), NEARLY_DEPENDENT);
-  const std::vector<DD> diagonal = basis.diagonal_of_inverse();
-  Vector rounding(assembly.count, INFINITY);
-  for (size_t k = 0; k < diagonal.size(); ++k) rounding[basis.members[k]] = ROUNDING * diagonal[k].h;
-  return rounding;
-}
-
-// The loads, relative to the greatest of the body that has less, and at least to `least`.
-inline Vector relative_loads(const Assembly& assembly, const Vector& loads, double least) {
-  const std::vector<AssembledContact>& contacts = assembly.contacts;
-  Vector relative(assembly.count), most(assembly.body_count);  // most: the greatest load of each body
-  for (int i = 0; i < assembly.count; ++i)
-    for (int body : contacts[i].body)
-      if (body >= 0) most[body] = std::fmax(most[body], loads[i] / contacts[i].scale);
-  for (int i = 0; i < assembly.count; ++i) {
-    double nearby = INFINITY;
-    for (int body : contacts[i].body)
-      if (body >= 0) nearby = std::fmin(nearby, most[body]);
-    relative[i] = loads[i] / contacts[i].scale / std::fmax(nearby, least);
-  }
-  return relative;
-}
-
-// How much part in the loads each contact takes, from 0 to 1. It takes part if it is loaded, where loads of the same
-// effect are shared; other loads would depend on the order of the contacts. It takes less if it is loaded where loads of
-// nearly the same effect are, as the fourth corner of a box whose corners are slightly off a plane; or if its load may be
-// rounding. Sets the loads shared.
-inline Vector parts_in_loads(const Assembly& assembly, const std::vector<DD>& given, double greatest, Vector& shared) {
-  constexpr double SMALL = 1e-10, LEAST = 1e-6;  // a load, relative to those of its bodies; a part
-  constexpr double NO_LOAD = 1e-20;  // of a body, relative to the greatest
-  constexpr double NO_SHARE = 1e-8;  // components of impulses that do nothing
-  const std::vector<AssembledContact>& contacts = assembly.contacts;
-  const int count = assembly.count;
-  Vector part(count), nearly, rounding;
-  std::vector<DD> precise = given;
-  const NullImpulses null = null_impulses(assembly, LEAST_EFFECT);
-  if (!null.basis.empty()) minimise_norm(assembly, precise, false, null.basis, NO_SHARE);
-  shared = rounded(precise.data(), count);
-  auto is_independent = [&](int i) {
-    return std::all_of(null.basis.begin(), null.basis.end(),
-                       [&](const std::vector<DD>& z) { return std::fabs(z[i].h) < NO_SHARE * contacts[i].scale; });
-  };
-  const Vector exactly = relative_loads(assembly, shared, NO_LOAD * greatest);
-  for (int i = 0; i < count; ++i) {
-    if (exactly[i] > SMALL) {
-      part[i] = 1;
-      continue;
-    }
-    if (shared[i] > 0 && is_independent(i)) {
-      if (rounding.empty()) rounding = rounding_of_loads(assembly);
-      part[i] = shared[i] / contacts[i].scale / (rounding[i] * greatest);
-    }
-    if (!(part[i] >= 1)) {
-      // Sharing gives loads of about SHARING to bodies that have none.
-      if (nearly.empty())
-        nearly = relative_loads(assembly, nearly_least_norm(assembly, rounded(given.data(), count)),
-                                SHARING / LEAST * greatest);
-      part[i] = std::fmax(part[i], nearly[i]);
-    }
-    part[i] = part[i] > LEAST ? std::fmin(part[i], 1) : 0;
-  }
-  return part;
-}
+#include "shared_loads.hpp"
 
 // The error of y, in units of `speed`, that makes the error bound of an answer `bound`.
 inline double error_for_bound(const Assembly& assembly, const Vector& y, double bound) {
@@ -174,141 +67,166 @@ inline Vector sticking_multipliers(const Assembly& assembly, const std::vector<i
   return multipliers;
 }
 
-// Solve the programme of least work again, in double-double. If this reduces `error`, the bound on the error of y, set
-// the impulses of `programme`. Returns the new bound.
-inline double solve_in_double_double(const Assembly& assembly, const std::vector<int>& loaded, const std::vector<DD>& p,
-                                     double speed, double mean, Cones<double>& programme, double error, double enough) {
-  Cones<DD> precise(assembly.body_count);
-  precise.enough = std::fmin(precise.enough, enough);
-  const std::vector<N> changes = assembly.twist_changes(p.data());
-  for (size_t k = 0; k < loaded.size(); ++k) {
-    const AssembledContact& contact = assembly.contacts[loaded[k]];
-    const auto& cone = programme.cones[k];
-    precise.cones.push_back(cone_of(contact, assembly.axes_of<DD>(contact), speed, mean, cone.part, cone.load));
-    precise.kept_velocities.push_back(contact.scale * contact.length *
-                                      value(assembly.velocity_change(contact, changes)) / contact.length_in<DD>() /
-                                      speed);
-  }
-  precise.sticking = programme.sticking;
-  precise.prepare();
-  double precise_error = precise.solve_from(programme);
-  if (!(precise_error < error)) return error;
-  for (size_t k = 0; k < loaded.size(); ++k)
-    for (int axis = 0; axis < 3; ++axis) {
-      programme.P[k][axis] = precise.P[k][axis].h;
-      double square = 0;
-      for (const auto& side : programme.cones[k].row)
-        for (double x : side[axis]) square += x * x;
-      precise_error += 0x1p-53 * std::fabs(programme.P[k][axis]) * std::sqrt(square);  // P is rounded to doubles
+// The programme of least work for the contacts that are loaded. Its velocities are in units of `speed`.
+struct LeastWork {
+  const Assembly& assembly;
+  const ClusterImpulses& frictionless;
+  const Vector& given;  // the loads of these
+  const SharedLoads shared = share_loads(assembly, frictionless.normal, given);
+  const double speed = shared.greatest;
+  std::vector<int> loaded{};
+  double mean = 0;  // of n.K n, for unit normals
+  std::vector<Axes> normal_only = std::vector<Axes>(assembly.count);
+  Motion before{assembly};  // friction
+  double left_out = 0;  // bound on the effect of friction where contacts are loaded too little to take part
+
+  LeastWork(const Assembly& assembly, const ClusterImpulses& frictionless, const Vector& given)
+      : assembly(assembly), frictionless(frictionless), given(given) {
+    const std::vector<AssembledContact>& contacts = assembly.contacts;
+    for (int i = 0; i < assembly.count; ++i) {
+      normal_only[i] = {frictionless.normal[i].h * contacts[i].length, 0, 0};
+      before.apply(i, normal_only[i]);
+      if (shared.part[i] > 0) loaded.push_back(i);
+      else if (given[i] > 0) left_out += effect_of_friction(i);
     }
-  return precise_error;
-}
+    mean = mean_inverse_mass(assembly, loaded);
+  }
+
+  // The impulses with friction, if that takes energy: else rounding is all that it does.
+  ClusterImpulses resolve() const {
+    const std::vector<AssembledContact>& contacts = assembly.contacts;
+    ClusterImpulses result = frictionless;
+    result.error += left_out;
+    if (std::none_of(loaded.begin(), loaded.end(), [&](int i) { return contacts[i].mu > LEAST_FRICTION; }))
+      return result;
+    Cones<double> programme = as_cones();
+    const double error = solve(programme) * speed;
+    result.error += error;
+    std::vector<Axes> P(assembly.count);
+    for (size_t k = 0; k < loaded.size(); ++k)
+      P[loaded[k]] = in_newton_seconds(programme.P[k], contacts[loaded[k]], speed);
+    Motion after(assembly);
+    for (int i = 0; i < assembly.count; ++i) after.apply(i, P[i]);
+    if (creates_energy(after, P)) {
+      result.error += distance_from_before(after);
+      return result;
+    }
+    result.error += stop_approach(after, error, P);
+    return with_axis_impulses(std::move(result), assembly, P);
+  }
+
+ private:
+  double effect_of_friction(int i) const {
+    const AssembledContact& contact = assembly.contacts[i];
+    const double slip = std::hypot(contact.axes[1].velocity, contact.axes[2].velocity) * contact.length;
+    return std::sqrt(2 * contact.mu * (given[i] / speed) * (slip * contact.scale / speed)) * speed;
+  }
+
+  Cones<double> as_cones() const {
+    Cones<double> programme(assembly.body_count);
+    programme.cones.reserve(loaded.size());
+    bool has_heavy = false, are_kept = true;  // whether a body is heavy, and all normal velocities are kept
+    Vector velocities;
+    for (int i : loaded) {
+      const AssembledContact& contact = assembly.contacts[i];
+      const double part = shared.part[i], load = part < 1 ? 1 : shared.loads[i] / speed;
+      const double unit = contact.unit() / speed;
+      programme.cones.push_back(cone_of(contact, contact.axes, speed, mean, part, load));
+      programme.kept_velocities.push_back((before.velocity(i, 0) - contact.axes[0].velocity) * unit);
+      velocities.push_back(before.velocity(i, 0) * unit);
+      has_heavy = has_heavy || programme.cones.back().has_heavy_body();
+      are_kept = are_kept && !programme.cones.back().is_partial();
+    }
+    if (has_heavy && are_kept) programme.sticking = sticking_multipliers(assembly, loaded, velocities);
+    programme.prepare();
+    return programme;
+  }
+
+  // Solve the programme in doubles, and in double-double if they are not enough. Returns a bound on the error of y.
+  double solve(Cones<double>& programme) const {
+    const double error_in_doubles = programme.solve();
+    const double enough = error_for_bound(assembly, programme.motion(), ACCEPTED_IN_DOUBLES);
+    if (error_in_doubles <= enough) return error_in_doubles;
+    Cones<DD> precise(assembly.body_count);
+    precise.enough = std::fmin(precise.enough, enough);
+    const std::vector<N> changes = assembly.twist_changes(frictionless.normal.data());
+    for (size_t k = 0; k < loaded.size(); ++k) {
+      const AssembledContact& contact = assembly.contacts[loaded[k]];
+      const Cone<double>& cone = programme.cones[k];
+      precise.cones.push_back(cone_of(contact, assembly.axes_of<DD>(contact), speed, mean, cone.part, cone.load));
+      precise.kept_velocities.push_back(contact.unit() * value(assembly.velocity_change(contact, changes)) /
+                                        contact.length_in<DD>() / speed);
+    }
+    precise.sticking = programme.sticking;
+    precise.prepare();
+    double precise_error = precise.solve_from(programme);
+    if (!(precise_error < error_in_doubles)) return error_in_doubles;
+    for (size_t k = 0; k < loaded.size(); ++k)
+      for (int axis = 0; axis < 3; ++axis) {
+        programme.P[k][axis] = precise.P[k][axis].h;
+        double square = 0;
+        for (const auto& side : programme.cones[k].row)
+          for (double x : side[axis]) square += x * x;
+        precise_error += 0x1p-53 * std::fabs(programme.P[k][axis]) * std::sqrt(square);  // P is rounded to doubles
+      }
+    return precise_error;
+  }
+
+  // Whether impulses P do more work than those without friction. Where friction only shares impulses, it neither adds
+  // energy nor takes any, up to rounding.
+  bool creates_energy(const Motion& after, const std::vector<Axes>& P) const {
+    double size = 0;  // of what the works are the sums of
+    auto work = [&](const Motion& motion, const std::vector<Axes>& impulses) {
+      double sum = 0;
+      auto add = [&](double one) {
+        sum += one;
+        size += std::fabs(one);
+      };
+      for (double y : motion.y) add(y / speed * (y / speed) / 2);
+      for (int i = 0; i < assembly.count; ++i) {
+        const AssembledContact& contact = assembly.contacts[i];
+        for (int axis = 0; axis < 3; ++axis)
+          add(contact.axes[axis].velocity * contact.scale / speed * (impulses[i][axis] / contact.scale / speed));
+      }
+      return sum;
+    };
+    const double gain = work(after, P) - work(before, normal_only);
+    return !(gain - 0x1p-48 * size <= 0);
+  }
+  double distance_from_before(const Motion& after) const {
+    double square = 0;
+    for (size_t k = 0; k < after.y.size(); ++k)
+      square += (after.y[k] - before.y[k]) / speed * ((after.y[k] - before.y[k]) / speed);
+    return std::sqrt(square) * speed;
+  }
+
+  // Friction may have made another contact approach: add the normal impulses that stop that. `error` is that of the
+  // velocities that are kept. Returns the error of the stop.
+  double stop_approach(const Motion& after, double error, std::vector<Axes>& P) const {
+    const int count = assembly.count;
+    std::vector<N> offset;
+    bool approaches = false;
+    for (int i = 0; i < count; ++i) {
+      const AssembledContact& contact = assembly.contacts[i];
+      const double u = after.velocity(i, 0);
+      const double doubt = 0x1p-50 * (std::fabs(contact.axes[0].velocity) + after.size_at(i));
+      // Velocities that are kept do not approach, except by the error of the programme.
+      const double kept = shared.part[i] < 1 ? 0 : error / contact.unit();
+      approaches = approaches || u < -doubt - kept;
+      offset.push_back(exact(u * contact.length) - contact.velocity);
+      offset.back().error += doubt * contact.length;
+    }
+    if (!approaches) return 0;
+    const Projection last = project(assembly, std::vector<DD>(count).data(), assembly.all_contacts(), offset.data());
+    for (int i = 0; i < count; ++i) P[i][0] += last.q[i].h * assembly.contacts[i].length;
+    // GRR has found velocities that separate the contacts. If none are found here, doubles cannot tell.
+    return last.status == MinimumStatus::FOUND ? last.error : INFINITY;
+  }
+};
 
 // The impulses of COULOMB, from the frictionless ones. If none of the loaded contacts has friction, these are the result.
 inline ClusterImpulses least_work_friction(const Assembly& assembly, const ClusterImpulses& frictionless) {
-  int count = assembly.count;
-  ClusterImpulses result = frictionless;
-  const Vector given = rounded(frictionless.normal.data(), count);
-  auto greatest = [&](const Vector& loads) {
-    double most = 0;
-    for (int i = 0; i < count; ++i) most = std::fmax(most, loads[i] / assembly.contacts[i].scale);
-    return most;
-  };
-  if (!(greatest(given) > 0)) return result;
-  Vector shared;
-  const Vector part = parts_in_loads(assembly, frictionless.normal, greatest(given), shared);
-  const double speed = greatest(shared);
-  double mean = 0;
-  std::vector<int> loaded;
-  bool has_friction = false;
-  Motion as_given(assembly);
-  std::vector<Axes> normal_only(count);
-  for (int i = 0; i < count; ++i) {
-    const AssembledContact& contact = assembly.contacts[i];
-    normal_only[i] = {given[i] * contact.length, 0, 0};
-    as_given.apply(i, normal_only[i]);
-    if (!(part[i] > 0)) {
-      double slip = std::hypot(contact.axes[1].velocity, contact.axes[2].velocity) * contact.length;
-      if (given[i] > 0)
-        result.error +=
-            std::sqrt(2 * contact.mu * (given[i] / contact.scale / speed) * (slip * contact.scale / speed)) * speed;
-      continue;
-    }
-    loaded.push_back(i);
-    has_friction = has_friction || contact.mu > LEAST_FRICTION;
-    mean += 1 / (contact.scale * contact.scale * contact.length * contact.length);
-  }
-  if (!has_friction) return result;
-  mean /= loaded.size();
-  Cones<double> programme(assembly.body_count);
-  programme.cones.reserve(loaded.size());
-  bool has_heavy = false, are_kept = true;  // whether a body is heavy, and all normal velocities are kept
-  Vector after;  // these, in units of `speed`
-  for (int i : loaded) {
-    const AssembledContact& contact = assembly.contacts[i];
-    const double load = part[i] < 1 ? 1 : shared[i] / contact.scale / speed;
-    programme.cones.push_back(cone_of(contact, contact.axes, speed, mean, part[i], load));
-    const double unit = contact.scale * contact.length / speed;
-    programme.kept_velocities.push_back((as_given.velocity(i, 0) - contact.axes[0].velocity) * unit);
-    after.push_back(as_given.velocity(i, 0) * unit);
-    has_heavy = has_heavy || programme.cones.back().has_heavy_body();
-    are_kept = are_kept && !(part[i] < 1);
-  }
-  if (has_heavy && are_kept) programme.sticking = sticking_multipliers(assembly, loaded, after);
-  programme.prepare();
-  double error = programme.solve();
-  const double enough = error_for_bound(assembly, programme.motion(), ACCEPTED_IN_DOUBLES);
-  if (!(error <= enough))
-    error = solve_in_double_double(assembly, loaded, frictionless.normal, speed, mean, programme, error, enough);
-  result.error += error * speed;
-  std::vector<Axes> P(count);
-  for (size_t k = 0; k < loaded.size(); ++k)
-    P[loaded[k]] = in_newton_seconds(programme.P[k], assembly.contacts[loaded[k]], speed);
-
-  // Friction may have made another contact approach.
-  Motion moved(assembly);
-  for (int i = 0; i < count; ++i) moved.apply(i, P[i]);
-  double square = 0;  // of the change by friction
-  for (size_t k = 0; k < moved.y.size(); ++k)
-    square += (moved.y[k] - as_given.y[k]) / speed * ((moved.y[k] - as_given.y[k]) / speed);
-  // Friction takes energy. If it seems to add some, rounding is all that it does: leave it out. Where it only shares
-  // impulses, it neither adds nor takes any, up to rounding.
-  double size = 0;  // of what the works are the sums of
-  auto work = [&](const Motion& motion, const std::vector<Axes>& impulses) {
-    double sum = 0;
-    auto add = [&](double one) {
-      sum += one;
-      size += std::fabs(one);
-    };
-    for (double y : motion.y) add(y / speed * (y / speed) / 2);
-    for (int i = 0; i < count; ++i) {
-      const AssembledContact& contact = assembly.contacts[i];
-      for (int axis = 0; axis < 3; ++axis)
-        add(contact.axes[axis].velocity * contact.scale / speed * (impulses[i][axis] / contact.scale / speed));
-    }
-    return sum;
-  };
-  if (const double gain = work(moved, P) - work(as_given, normal_only); !(gain - 0x1p-48 * size <= 0)) {
-    result.error += std::sqrt(square) * speed;
-    return result;
-  }
-  std::vector<N> offset;
-  bool approaches = false;
-  for (int i = 0; i < count; ++i) {
-    const AssembledContact& contact = assembly.contacts[i];
-    double u = moved.velocity(i, 0);
-    const double doubt = 0x1p-50 * (std::fabs(contact.axes[0].velocity) + moved.size_at(i));
-    // Velocities that are kept do not approach, except by the error of the programme.
-    const double kept = part[i] < 1 ? 0 : error * speed / (contact.scale * contact.length);
-    approaches = approaches || u < -doubt - kept;
-    offset.push_back(exact(u * contact.length) - contact.velocity);
-    offset.back().error += doubt * contact.length;
-  }
-  if (approaches) {
-    Projection last = project(assembly, std::vector<DD>(count).data(), assembly.all_contacts(), offset.data());
-    // GRR has found velocities that separate the contacts. If none are found here, doubles cannot tell.
-    result.error += last.status == MinimumStatus::FOUND ? last.error : INFINITY;
-    for (int i = 0; i < count; ++i) P[i][0] += last.q[i].h * assembly.contacts[i].length;
-  }
-  return with_axis_impulses(std::move(result), assembly, P);
+  const Vector given = loads_of(assembly, frictionless.normal);
+  if (!(greatest_of(given) > 0)) return frictionless;
+  return LeastWork(assembly, frictionless, given).resolve();
 }

@@ -115,9 +115,8 @@ struct AppliedImpulses {
     const double tolerated = has_friction
                                  ? 0x1p-50 * (std::fabs(before[0]) + motion.size_at(i))
                                  : width(normal_velocities[i]) / contact.length + 0x1p-50 * std::fabs(after[0]);
-    const bool approaches = after[0] < -tolerated - error / (contact.scale * contact.length);
-    const double doubt_of_cone =
-        0x1p-40 * friction_limit(i) + (1 + contact.mu) * error * contact.scale * contact.length + 0x1p-1070;
+    const bool approaches = after[0] < -tolerated - error / contact.unit();
+    const double doubt_of_cone = 0x1p-40 * friction_limit(i) + (1 + contact.mu) * error * contact.unit() + 0x1p-1070;
     return normal[i].h < 0 || friction(i) > friction_limit(i) + doubt_of_cone || approaches;
   }
 };
@@ -185,7 +184,7 @@ struct Works {
     lost_friction -= along;
     total += normal * ((std::fabs(before[0]) + std::fabs(after[0])) / speed_unit) + std::fabs(along);
     doubt += normal * (width(contact.velocity) / contact.length / speed_unit);
-    reach += normal / (contact.scale * contact.length) / speed_unit;
+    reach += normal / contact.unit() / speed_unit;
   }
 
   // Set the energies that are lost, and whether energy is created.

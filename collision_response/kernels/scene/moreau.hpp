@@ -25,6 +25,7 @@
 // "A Formulation of the Linear Discrete Coulomb Friction Problem via Convex Optimization", Z. Angew. Math. Mech. 91
 // (2011), for the convex programmes.
 #pragma once
+#include "cones.hpp"
 #include "contact_cones.hpp"
 #include "impulses.hpp"
 #include "projection.hpp"
@@ -106,21 +107,21 @@ inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
   constexpr double SMALLER = 1e-9;  // by which shifts are reduced for more friction
   int count = assembly.count;
   std::vector<Axes> P(count);
-  double mean = 0, speed = 0;
+  double speed = 0;
   bool approach = false;
   for (const AssembledContact& contact : assembly.contacts) {
-    mean += 1 / (contact.scale * contact.scale * contact.length * contact.length) / count;
     approach = approach || contact.axes[0].velocity < 0;
     bool has_friction = contact.mu > LEAST_FRICTION;  // without friction, the slip may be anything
     speed = std::fmax(speed, std::hypot(contact.axes[0].velocity, has_friction * contact.axes[1].velocity,
                                         has_friction * contact.axes[2].velocity) *
-                                 contact.scale * contact.length);
+                                 contact.unit());
   }
   if (!approach) return with_axis_impulses({}, assembly, P);  // impulses of 0 are a solution
+  const double mean = mean_inverse_mass(assembly, assembly.all_contacts());
   Cones<double> programme(assembly.body_count);
   Vector start;
   for (const AssembledContact& contact : assembly.contacts) {
-    Cones<double>::Cone cone = cone_of(contact, contact.axes, speed, mean);
+    Cone<double> cone = cone_of(contact, contact.axes, speed, mean);
     cone.mu = std::fmin(cone.mu, GREATEST_IN_ONE_STEP);
     cone.w[0] += contact.e * std::fmin(cone.w[0], 0);
     start.push_back(cone.w[0]);

@@ -1,0 +1,123 @@
+// Which contacts carry the loads of an impact, and how much part in them each takes.
+//
+// Impulses of the same effect, as at the four corners of a box, are shared: others would depend on the order of the
+// contacts. A contact that is loaded then takes full part. One that is loaded only where loads of nearly the same effect
+// are shared takes less, as the fourth corner of a box whose corners are slightly off a plane; and so does one whose load
+// may be rounding.
+#pragma once
+#include "cones.hpp"
+#include "contact_cones.hpp"
+#include "least_norm.hpp"
+
+// The impulses of contacts in units that make n.K n of each 1: each is the change of its velocity by itself, times the
+// square root of the effective mass.
+inline Vector loads_of(const Assembly& assembly, const std::vector<DD>& p) {
+  Vector loads(assembly.count);
+  for (int i = 0; i < assembly.count; ++i) loads[i] = p[i].h / assembly.contacts[i].scale;
+  return loads;
+}
+inline double greatest_of(const Vector& loads) { return *std::max_element(loads.begin(), loads.end()); }
+
+constexpr double SHARING = 1e-9;  // for contacts whose normals or lever arms differ by 3e-5
+
+// The loads >= 0 of nearly the same effect with nearly the least norm: those that minimise the square of the difference
+// in the effect, plus SHARING times the norm. Moving walls are one more body, which their work moves.
+inline Vector share_nearly(const Assembly& assembly, const Vector& loads) {
+  const int count = assembly.count, walls = assembly.body_count;
+  const double greatest = greatest_of(loads);
+  double fastest = 0, mean = 0;
+  for (const AssembledContact& contact : assembly.contacts) {
+    fastest = std::fmax(fastest, std::fabs(high(contact.velocity)) * contact.scale);
+    mean += contact.unit() * contact.unit() / count;
+  }
+  Cones<DD> programme(walls + assembly.has_moving_wall);
+  for (int i = 0; i < count; ++i) {
+    const AssembledContact& contact = assembly.contacts[i];
+    Cone<DD> cone = cone_of(contact, assembly.axes_of<DD>(contact), 1, 1 / mean);
+    cone.mu = 0;
+    for (int side = 0; side < 2; ++side)
+      if (contact.wall[side] >= 0) {
+        cone.body[side] = walls;
+        for (int k = 0; k < 6 && fastest > 0; ++k)
+          cone.row[side][0][0] += contact.scale / fastest * assembly.walls[contact.wall[side]].x[BODY_VELOCITY_X + k] *
+                                  value(contact.jacobian[side][k]);
+      }
+    programme.cones.push_back(cone);
+    programme.P.push_back({DD{loads[i] / greatest, 0}, DD{}, DD{}});
+  }
+  programme.aim_at(programme.motion());
+  programme.prepare();
+  programme.solve_from_zero(1 / SHARING);
+  Vector shared;
+  for (const auto& P : programme.P) shared.push_back(P[0].h * greatest);
+  return shared;
+}
+
+// Up to which loads of independent contacts, relative to the greatest, rounding may decide: the more, the more nearly
+// they depend on each other.
+inline Vector rounding_of_loads(const Assembly& assembly) {
+  constexpr double ROUNDING = 0x1p-72;
+  const std::vector<DD> matrix = assembly.couplings<DD>();
+  ActiveSet<DD> basis(matrix.data(), assembly.count);
+  basis.span(assembly.all_contacts(), NEARLY_DEPENDENT);
+  const std::vector<DD> diagonal = basis.diagonal_of_inverse();
+  Vector rounding(assembly.count, INFINITY);
+  for (size_t k = 0; k < diagonal.size(); ++k) rounding[basis.members[k]] = ROUNDING * diagonal[k].h;
+  return rounding;
+}
+
+// Loads relative to the greatest of the body that has less, and at least to `least`.
+inline Vector relative_loads(const Assembly& assembly, const Vector& loads, double least) {
+  Vector relative(assembly.count), most(assembly.body_count);  // most: the greatest load of each body
+  for (int i = 0; i < assembly.count; ++i)
+    for (int body : assembly.contacts[i].body)
+      if (body >= 0) most[body] = std::fmax(most[body], loads[i]);
+  for (int i = 0; i < assembly.count; ++i) {
+    double nearby = INFINITY;
+    for (int body : assembly.contacts[i].body)
+      if (body >= 0) nearby = std::fmin(nearby, most[body]);
+    relative[i] = loads[i] / std::fmax(nearby, least);
+  }
+  return relative;
+}
+
+struct SharedLoads {
+  Vector loads;
+  double greatest;
+  Vector part;  // from 0 to 1
+};
+
+// Share the loads `given` of impulses p.
+inline SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p, const Vector& given) {
+  constexpr double SMALL = 1e-10, LEAST = 1e-6;  // a load, relative to those of its bodies; a part
+  constexpr double NO_LOAD = 1e-20;  // of a body, relative to the greatest
+  constexpr double NO_SHARE = 1e-8;  // components of impulses that do nothing
+  const int count = assembly.count;
+  const double greatest = greatest_of(given);
+  std::vector<DD> shared = p;
+  const NullImpulses null = null_impulses(assembly, LEAST_EFFECT);
+  if (!null.basis.empty()) minimise_norm(assembly, shared, false, null.basis, NO_SHARE);
+  auto is_independent = [&](int i) {
+    const double none = NO_SHARE * assembly.contacts[i].scale;
+    return std::all_of(null.basis.begin(), null.basis.end(),
+                       [&](const std::vector<DD>& z) { return std::fabs(z[i].h) < none; });
+  };
+  SharedLoads result{loads_of(assembly, shared), 0, Vector(count)};
+  result.greatest = greatest_of(result.loads);
+  const Vector exactly = relative_loads(assembly, result.loads, NO_LOAD * greatest);
+  Vector nearly, rounding;  // found if needed
+  for (int i = 0; i < count; ++i) {
+    double part = exactly[i] > SMALL;
+    if (part < 1 && result.loads[i] > 0 && is_independent(i)) {
+      if (rounding.empty()) rounding = rounding_of_loads(assembly);
+      part = result.loads[i] / (rounding[i] * greatest);
+    }
+    if (!(part >= 1)) {
+      // Sharing gives loads of about SHARING to bodies that have none.
+      if (nearly.empty()) nearly = relative_loads(assembly, share_nearly(assembly, given), SHARING / LEAST * greatest);
+      part = std::fmax(part, nearly[i]);
+    }
+    result.part[i] = part > LEAST ? std::fmin(part, 1) : 0;
+  }
+  return result;
+}

@@ -1,0 +1,139 @@
+// A symmetric positive definite matrix in which few variables are coupled, and its solution by Cholesky's factors.
+#pragma once
+#include "vectors.hpp"
+
+// Each row holds the entries from the first that may be other than 0 to the diagonal. Rows are in an order that keeps
+// them short.
+template <class R>
+class Skyline {
+ public:
+  // place: of each variable in that order. Variables of a group are coupled with each other.
+  void lay_out(std::vector<int> place_of_variables, const std::vector<std::vector<int>>& groups) {
+    place = std::move(place_of_variables);
+    const int count = static_cast<int>(place.size());
+    first.resize(count);
+    std::iota(first.begin(), first.end(), 0);
+    for (const std::vector<int>& group : groups) {
+      int least = count;
+      for (int i : group) least = std::min(least, place[i]);
+      for (int i : group) first[place[i]] = std::min(first[place[i]], least);
+    }
+    end.assign(count, 0);
+    for (int i = 0; i < count; ++i) std::fill(end.begin() + first[i], end.begin() + i + 1, i + 1);
+    start.assign(count + 1, 0);
+    for (int i = 0; i < count; ++i) start[i + 1] = start[i] + static_cast<size_t>(i - first[i] + 1);
+    entries.assign(start[count], R{});
+    rhs.resize(count);
+    column.resize(count);
+  }
+
+  std::vector<R> entries;
+  R& at(int i, int j) {
+    const int row = std::max(place[i], place[j]), along = std::min(place[i], place[j]);
+    return entries[start[row] + static_cast<size_t>(along - first[row])];
+  }
+  // Whether the row of i is below that of j, or the same.
+  bool is_below(int i, int j) const { return place[i] >= place[j]; }
+  double multiplications() const { return work; }
+
+  // x = -M^-1 b, column by column. The entries become the factor, with the inverses of its diagonal.
+  void solve(const std::vector<R>& b, std::vector<R>& x) {
+    const int count = static_cast<int>(place.size());
+    std::vector<R>& M = entries;
+    for (int i = 0; i < count; ++i) rhs[place[i]] = -b[i];
+    for (int k = 0; k < count; ++k) {
+      R& pivot = M[start[k + 1] - 1];
+      pivot = high(pivot) > 0 ? constant<R>(1) / root(pivot) : constant<R>(0x1p-200);
+      rhs[k] = rhs[k] * pivot;
+      for (int i = k + 1; i < end[k]; ++i) {
+        column[i] = R{};
+        if (first[i] > k) continue;
+        R* row = &M[start[i]] + (k - first[i]);
+        const R entry = column[i] = row[0] = row[0] * pivot;
+        for (int j = k + 1; j <= i; ++j) row[j - k] -= entry * column[j];
+        rhs[i] -= entry * rhs[k];
+        work += i - k;
+      }
+    }
+    for (int i = count; i-- > 0;) {
+      const R* row = &M[start[i]];
+      rhs[i] = rhs[i] * row[i - first[i]];
+      for (int j = first[i]; j < i; ++j) rhs[j] -= row[j - first[i]] * rhs[i];
+    }
+    for (int i = 0; i < count; ++i) x[i] = rhs[place[i]];
+  }
+
+ private:
+  std::vector<int> place, first, end;  // first: of each row; end: of each column, below its last row
+  std::vector<size_t> start;  // of each row
+  std::vector<R> rhs, column;
+  double work = 0;
+};
+
+// The variables of bodies and contacts: six of each body, then, with `contacts_have_one`, one of each contact. Those of a
+// body and of its contacts are coupled, and those of two bodies that touch.
+struct ContactGraph {
+  int body_count;
+  bool contacts_have_one;
+  std::vector<std::array<int, 2>> pairs{};  // the bodies of each contact; -1: immovable
+
+  int size() const { return 6 * body_count + (contacts_have_one ? static_cast<int>(pairs.size()) : 0); }
+
+  // Groups of coupled variables: first for each body, its own and those of its contacts.
+  std::vector<std::vector<int>> groups() const {
+    std::vector<std::vector<int>> groups(body_count);
+    auto add_body = [](int body, std::vector<int>& group) {
+      for (int k = 0; k < 6; ++k) group.push_back(6 * body + k);
+    };
+    for (int b = 0; b < body_count; ++b) add_body(b, groups[b]);
+    for (size_t i = 0; i < pairs.size(); ++i) {
+      const auto [a, b] = pairs[i];
+      for (int body : pairs[i])
+        if (body >= 0 && contacts_have_one) groups[body].push_back(6 * body_count + static_cast<int>(i));
+      if (a < 0 || b < 0) continue;
+      std::vector<int>& both = groups.emplace_back();
+      add_body(a, both);
+      add_body(b, both);
+    }
+    return groups;
+  }
+
+  // An order in which coupled variables are near each other: bodies breadth first from one with few contacts, each
+  // followed by the variables of its contacts.
+  std::vector<int> order() const {
+    std::vector<std::vector<int>> touching(body_count);
+    for (size_t i = 0; i < pairs.size(); ++i)
+      for (int b : pairs[i])
+        if (b >= 0) touching[b].push_back(static_cast<int>(i));
+    std::vector<int> roots(body_count), queue, place(size());
+    std::iota(roots.begin(), roots.end(), 0);
+    auto fewer = [&](int a, int b) { return touching[a].size() < touching[b].size(); };
+    std::stable_sort(roots.begin(), roots.end(), fewer);
+    std::vector<char> seen(body_count), placed(pairs.size(), !contacts_have_one);
+    int next = 0;
+    for (int root : roots) {
+      if (seen[root]) continue;
+      queue.assign(1, root);
+      seen[root] = 1;
+      for (size_t k = 0; k < queue.size(); ++k) {
+        const int body = queue[k];
+        for (int c = 0; c < 6; ++c) place[6 * body + c] = next++;
+        std::vector<int> near;
+        for (int i : touching[body]) {
+          const int other = pairs[i][pairs[i][0] == body];
+          if (!placed[i] && (other < 0 || seen[other])) {
+            placed[i] = 1;
+            place[6 * body_count + i] = next++;
+          }
+          if (other >= 0 && !seen[other]) {
+            seen[other] = 1;
+            near.push_back(other);
+          }
+        }
+        std::stable_sort(near.begin(), near.end(), fewer);
+        queue.insert(queue.end(), near.begin(), near.end());
+      }
+    }
+    return place;
+  }
+};
