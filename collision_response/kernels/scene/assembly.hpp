@@ -12,7 +12,6 @@ struct Assembly {
   std::vector<AssembledContact> contacts;
   std::vector<AssembledBody> bodies;  // the movable ones
   std::vector<AssembledBody> walls;  // the immovable ones that move, once for each contact
-  Vector A;  // n.K n of all pairs of contacts, scaled to a diagonal of 1
   bool has_moving_wall = false;
   // A velocity that separates all contacts, if there is one: by how much, scaled, and its size in the metric of kinetic
   // energy.
@@ -51,9 +50,9 @@ struct Assembly {
   // After the last contact.
   void finish() {
     for (AssembledContact& contact : contacts) contact.scale = 1 / std::sqrt(coupling<double>(contact, contact));
-    A = couplings<double>();
+    A = scaled_couplings<double>();
     for (int i = 0; i < count; ++i) A[i * count + i] = 1;
-    is_locked = !find_separating_velocity(A) && !find_separating_velocity(couplings<DD>());
+    is_locked = !find_separating_velocity<double>() && !find_separating_velocity<DD>();
   }
 
   // n.K n of two contacts, by the bodies that they share.
@@ -66,15 +65,15 @@ struct Assembly {
           for (int k = 0; k < 6; ++k) sum = sum + rounded_to<R>(i.jacobian[a][k]) * rounded_to<R>(j.response[b][k]);
     return sum;
   }
-  // The matrix A in the digits of R.
+  // The matrix A: n.K n of all pairs of contacts, scaled to a diagonal of 1, in the digits of R.
   template <class R>
-  std::vector<R> couplings() const {
-    std::vector<R> matrix(static_cast<size_t>(count) * count);
-    for (int i = 0; i < count; ++i)
-      for (int j = 0; j <= i; ++j)
-        matrix[i * count + j] = matrix[j * count + i] =
-            coupling<R>(contacts[i], contacts[j]) * (constant<R>(contacts[i].scale) * constant<R>(contacts[j].scale));
-    return matrix;
+  const std::vector<R>& couplings() const {
+    if constexpr (is_scalar<R>) {
+      return A;
+    } else {
+      if (finer_A.empty()) finer_A = scaled_couplings<R>();
+      return finer_A;
+    }
   }
 
   bool is_finite() const {
@@ -188,6 +187,19 @@ struct Assembly {
   }
 
  private:
+  Vector A;
+  mutable std::vector<DD> finer_A;  // found when it is first asked for
+
+  template <class R>
+  std::vector<R> scaled_couplings() const {
+    std::vector<R> matrix(static_cast<size_t>(count) * count);
+    for (int i = 0; i < count; ++i)
+      for (int j = 0; j <= i; ++j)
+        matrix[i * count + j] = matrix[j * count + i] =
+            coupling<R>(contacts[i], contacts[j]) * (constant<R>(contacts[i].scale) * constant<R>(contacts[j].scale));
+    return matrix;
+  }
+
   // One body of a contact; nullptr: it is at rest and immovable.
   const AssembledBody* body_of(const AssembledContact& contact, int side) const {
     return contact.body[side] >= 0   ? &bodies[contact.body[side]]
@@ -227,8 +239,8 @@ struct Assembly {
   // Find a velocity that separates all contacts, in the digits of R: the least d with N^T d >= 1, scaled. Whether it
   // does.
   template <class R>
-  bool find_separating_velocity(const std::vector<R>& matrix) {
-    const Minimum<R> minimum = minimise(matrix, std::vector<R>(count, constant<R>(-1)), all_contacts());
+  bool find_separating_velocity() {
+    const Minimum<R> minimum = minimise(couplings<R>(), std::vector<R>(count, constant<R>(-1)), all_contacts());
     std::vector<DD> d(count);
     for (int i = 0; i < count; ++i) d[i] = lifted<DD>(minimum.x[i] * constant<R>(contacts[i].scale));
     std::vector<N> twists = twist_changes(d.data());

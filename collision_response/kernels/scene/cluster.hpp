@@ -220,7 +220,7 @@ inline ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& opt
     if (result.code != UNDECIDED && !result.effect.creates_energy) return result;
     result.fell_back = true;
   }
-  ClusterImpulses impulses = decided.normal ? *decided.normal : Reflections{assembly}.resolve(options.threshold);
+  ClusterImpulses impulses = decided.normal ? *decided.normal : reflections(assembly, options.threshold);
   if (!impulses.are_found && assembly.is_locked) {
     refuse_path("press on each other, and may or may not contradict: too many to decide exactly", result);
   } else if (!impulses.are_found) {

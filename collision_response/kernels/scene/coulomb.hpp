@@ -55,8 +55,7 @@ constexpr double ACCEPTED_IN_DOUBLES = 8e-7;  // a bound on the error of an answ
 //
 //     lambda_S = A_SS^-1 u+     |lambda_s| <= a_s sqrt(u+.A_SS^-1 u+) <= a_s sum a_i |u_i+|
 inline Vector sticking_multipliers(const Assembly& assembly, const std::vector<int>& loaded, const Vector& u) {
-  const std::vector<DD> matrix = assembly.couplings<DD>();  // beside heavy bodies, doubles lose its digits
-  ActiveSet<DD> basis(matrix.data(), assembly.count);
+  ActiveSet<DD> basis(assembly.couplings<DD>().data(), assembly.count);  // beside heavy bodies, doubles lose its digits
   basis.span(loaded, NEARLY_DEPENDENT);
   const std::vector<DD> diagonal = basis.diagonal_of_inverse();
   Vector of_contact(assembly.count), multipliers;

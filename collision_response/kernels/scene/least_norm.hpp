@@ -14,18 +14,17 @@ struct Effects {
   explicit Effects(const Assembly& assembly) : u(assembly.count), scale(assembly.count) {
     const int count = assembly.count;
     const std::vector<AssembledContact>& contacts = assembly.contacts;
-    if constexpr (is_scalar<R>) matrix = assembly.A;
-    else matrix = assembly.couplings<R>();
+    matrix = assembly.couplings<R>();
     for (const AssembledContact& contact : contacts)
       fastest = std::fmax(fastest, std::fabs(high(contact.velocity)) * contact.scale);
     for (int i = 0; i < count; ++i) {
       u[i] = assembly.has_moving_wall && fastest > 0 ? high(contacts[i].velocity) * contacts[i].scale / fastest : 0;
       scale[i] = contacts[i].scale / std::sqrt(1 + u[i] * u[i]);
     }
+    auto factor = [&](int i) { return constant<R>(scale[i] / contacts[i].scale); };
     for (int i = 0; assembly.has_moving_wall && i < count; ++i)
       for (int j = 0; j < count; ++j)
-        matrix[i * count + j] = (scale[i] / contacts[i].scale * (scale[j] / contacts[j].scale)) *
-                                (matrix[i * count + j] + constant<R>(u[i]) * constant<R>(u[j]));
+        matrix[i * count + j] = factor(i) * factor(j) * (matrix[i * count + j] + constant<R>(u[i]) * constant<R>(u[j]));
   }
 };
 
@@ -90,6 +89,7 @@ NullImpulses null_impulses_in(const Assembly& assembly, double enough, double de
     }
     if (!(std::fabs(square) < most)) {
       found.are_complete = false;
+      basis.append(i);  // others may depend on it
       continue;
     }
     found.basis.push_back(std::move(z));
@@ -98,12 +98,13 @@ NullImpulses null_impulses_in(const Assembly& assembly, double enough, double de
   return found;
 }
 
-// The impulses that do nothing, to 13 digits. In doubles, contacts of very light bodies seem to depend on each other, and
-// hide those that do.
+constexpr double NEXT_TO_NOTHING = 1e-26;  // the square of an effect that is 0 to 13 digits
+
+// The impulses that do next to nothing. In doubles, contacts of very light bodies seem to depend on each other, and hide
+// those that do.
 inline NullImpulses null_impulses(const Assembly& assembly, double enough) {
-  constexpr double MOST = 1e-26;
-  NullImpulses found = null_impulses_in<double>(assembly, enough, DEPENDENT<double>, MOST);
-  return found.are_complete ? found : null_impulses_in<DD>(assembly, enough, MOST, MOST);
+  NullImpulses found = null_impulses_in<double>(assembly, enough, DEPENDENT<double>, NEXT_TO_NOTHING);
+  return found.are_complete ? found : null_impulses_in<DD>(assembly, enough, NEXT_TO_NOTHING, NEXT_TO_NOTHING);
 }
 
 // Rounding of impulses, relative to the greatest.

@@ -40,8 +40,8 @@ inline double projection_error(const Assembly& assembly, const std::vector<int>&
 
 // The projection from velocities `start`, with active sets in the digits of R and impulses in double-double.
 template <class R>
-Projection project_with(const Assembly& assembly, const std::vector<R>& matrix, const std::vector<N>& start,
-                        const std::vector<int>& among) {
+Projection project_with(const Assembly& assembly, const std::vector<N>& start, const std::vector<int>& among) {
+  constexpr int MOST_RETURNS = 1;
   const int count = assembly.count;
   const std::vector<AssembledContact>& contacts = assembly.contacts;
   auto scale = [&](int j) { return constant<R>(contacts[j].scale); };
@@ -50,7 +50,7 @@ Projection project_with(const Assembly& assembly, const std::vector<R>& matrix, 
   std::vector<N>& r = result.r;
   std::vector<R> b(count);
   for (int i : among) b[i] = rounded_to<R>(start[i]) * scale(i);
-  Minimum<R> first = minimise(matrix, b, among);
+  Minimum<R> first = minimise(assembly.couplings<R>(), b, among);
   result.status = first.status;
   if (result.status != MinimumStatus::FOUND) return result;
   ActiveSet<R>& active = first.active;
@@ -64,6 +64,8 @@ Projection project_with(const Assembly& assembly, const std::vector<R>& matrix, 
     for (int i : among) r[i] = start[i] + assembly.velocity_change(contacts[i], twists);
   };
   std::vector<R> y;
+  std::vector<char> has_left(count);
+  int returns = 0;  // of contacts that have left
   for (int round = 0; round < 4 * count + 20; ++round) {
     double residual = 0, first_residual = INFINITY;
     for (int turn = 0; turn < 8; ++turn) {  // refine the active impulses, by Newton's method
@@ -110,11 +112,15 @@ Projection project_with(const Assembly& assembly, const std::vector<R>& matrix, 
       result.is_settled = is_settled;
       break;
     }
+    if (has_left[entering] && ++returns > MOST_RETURNS) break;  // they take turns: R has too few digits
     is_current = false;
-    MinimumStatus status = enter(
-        active, entering, rounded_to<R>(r[entering]) * scale(entering),
-        [&](int j, const R& by) { q[j] = high(by) == -INFINITY ? DD{0, 0} : q[j] + lifted<DD>(by * scale(j)); },
-        [&](int j) { return rounded_to<R>(exact(q[j])) / scale(j); });
+    auto move = [&](int j, const R& by) {
+      const bool leaves = high(by) == -INFINITY;
+      has_left[j] = has_left[j] || leaves;
+      q[j] = leaves ? DD{0, 0} : q[j] + lifted<DD>(by * scale(j));
+    };
+    MinimumStatus status = enter(active, entering, rounded_to<R>(r[entering]) * scale(entering), move,
+                                 [&](int j) { return rounded_to<R>(exact(q[j])) / scale(j); });
     if (status != MinimumStatus::FOUND) break;  // beyond what these digits can tell: the error bound says so
   }
   for (DD& one : q)
@@ -130,14 +136,12 @@ Projection project_with(const Assembly& assembly, const std::vector<R>& matrix, 
 // The impulses q >= 0 of the contacts `among` that change v0 + M^-1 N p least and give these contacts velocities
 // u + offset >= 0. Active sets are in doubles, and in double-double where contacts are nearly dependent.
 inline Projection project(const Assembly& assembly, const DD* p, const std::vector<int>& among, const N* offset) {
-  constexpr double FINE = 0x1p-32;  // the relative error up to which doubles are enough
   std::vector<N> start = assembly.velocities(p);
   if (offset)
     for (int i : among) start[i] = start[i] + offset[i];
-  const Projection found = project_with(assembly, assembly.A, start, among);
-  const double fine = assembly.is_locked ? INFINITY : FINE * greatest_scaled(assembly, start, among);
-  if (found.status == MinimumStatus::FOUND && (found.error <= fine || found.is_settled)) return found;
-  const Projection finer = project_with(assembly, assembly.couplings<DD>(), start, among);
+  const Projection found = project_with<double>(assembly, start, among);
+  if (found.status == MinimumStatus::FOUND && (found.is_settled || assembly.is_locked)) return found;
+  const Projection finer = project_with<DD>(assembly, start, among);
   return found.error <= finer.error && found.status == MinimumStatus::FOUND ? found : finer;
 }
 
@@ -156,7 +160,7 @@ inline Projection project_to_rebound(const Assembly& assembly) {
 inline std::vector<int> contradictory_contacts(const Assembly& assembly) {
   Vector b;
   for (const AssembledContact& contact : assembly.contacts) b.push_back(high(contact.velocity) * contact.scale);
-  Minimum<double> end = minimise(assembly.A, b, assembly.all_contacts());
+  Minimum<double> end = minimise(assembly.couplings<double>(), b, assembly.all_contacts());
   if (end.status != MinimumStatus::UNBOUNDED) return {};
   end.active.members.push_back(end.last);
   return end.active.members;

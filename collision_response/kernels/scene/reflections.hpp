@@ -10,7 +10,8 @@
 
 struct Reflections {
   const Assembly& assembly;
-  std::optional<ResidualBound> residual_bound{};  // from the first projection on
+  bool is_fine = false;  // with a bound on the error of each projection from the contacts that press in it
+  std::optional<ResidualBound<double>> residual_bound{};  // from the first projection on
 
   ClusterImpulses resolve(double threshold) {
     ClusterImpulses result;
@@ -23,7 +24,7 @@ struct Reflections {
       doubt = std::fmax(doubt, width(contact.velocity) / contact.length + std::fabs(approach) * 0x1p-50);
     }
     if (!(speed > 0)) return result;
-    residual_bound.emplace(assembly);
+    if (!is_fine) residual_bound.emplace(assembly, assembly.all_contacts());
     const Projection first = project_from(p, assembly.all_contacts());
     if (first.status != MinimumStatus::FOUND) return {false};
     double e_error;
@@ -68,8 +69,12 @@ struct Reflections {
  private:
   Projection project_from(const std::vector<DD>& p, const std::vector<int>& among) const {
     Projection found = project(assembly, p.data(), among, nullptr);
-    if (found.status == MinimumStatus::FOUND && found.error < INFINITY)
-      found.error = std::fmin(found.error, (*residual_bound)(among, found.q, found.r));
+    if (found.status != MinimumStatus::FOUND || !(found.error < INFINITY)) return found;
+    std::vector<int> pressed;
+    for (int i : among)
+      if (is_fine && found.q[i].h > 0) pressed.push_back(i);
+    found.error = std::fmin(found.error, is_fine ? ResidualBound<DD>(assembly, pressed)(among, found.q, found.r)
+                                                 : (*residual_bound)(among, found.q, found.r));
     return found;
   }
 
@@ -122,9 +127,8 @@ struct Reflections {
     const N e = above / below;
     // How far the works may be from those for the exact q*:
     //     sum (e_i - e) u_i (q*_i - q_i) = z.A (q* - q) <= sqrt(z.A z) |M^-1 N (q* - q)|    for A z = (e_i - e) u_i
-    const std::vector<DD> matrix = assembly.couplings<DD>();
-    ActiveSet<DD> basis(matrix.data(), assembly.count);
-    const bool depends = !basis.span(pressed).empty(), nearly_depends = basis.last_pivot() < NEARLY_DEPENDENT;
+    ActiveSet<DD> basis(assembly.couplings<DD>().data(), assembly.count);
+    const bool depends = !basis.span(pressed, NEXT_TO_NOTHING).empty();
     std::vector<DD> z;
     for (int i : basis.members) {
       const AssembledContact& contact = assembly.contacts[i];
@@ -135,8 +139,10 @@ struct Reflections {
     double square = 0;
     for (size_t k = 0; k < c.size(); ++k) square += high(c[k] * z[k]);
     double doubt = first.error / load * std::sqrt(square) / -high(below);
-    // If impulses of Z do little, but not nothing, these contacts may not be free to share their load evenly.
-    for (size_t k = 0; !null.are_exact && k < Z.size(); ++k) {
+    // If impulses of Z do little, but not nothing, these contacts may not be free to share their load evenly. If others
+    // depend on each other too nearly, there may be another load to share.
+    const bool is_shared_exactly = null.are_exact && basis.last_pivot() >= NEARLY_DEPENDENT;
+    for (size_t k = 0; !is_shared_exactly && k < Z.size(); ++k) {
       double work = 0, size = 0;
       for (int i : pressed) {
         const AssembledContact& contact = assembly.contacts[i];
@@ -147,7 +153,7 @@ struct Reflections {
     }
     error = width(e) + doubt + 0x1p-53;
     // These digits do not tell which contacts carry the load; fractions may.
-    if ((depends && is_unique) || nearly_depends || !is_known || doubt > 0x1p-30) error = INFINITY;
+    if ((depends && is_unique) || !is_known || doubt > 0x1p-30) error = INFINITY;
     return std::fmin(std::fmax(high(e), 0), 1);
   }
 
@@ -188,3 +194,10 @@ struct Reflections {
     return lost * 0x1p-98;
   }
 };
+
+// The impulses of FRICTIONLESS. If bounds leave open which contacts approach, finer ones may tell.
+inline ClusterImpulses reflections(const Assembly& assembly, double threshold) {
+  const ClusterImpulses found = Reflections{assembly}.resolve(threshold);
+  if (found.error < INFINITY || assembly.is_locked) return found;
+  return Reflections{assembly, true}.resolve(threshold);
+}

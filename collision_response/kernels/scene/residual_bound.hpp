@@ -17,19 +17,22 @@
 #pragma once
 #include "assembly.hpp"
 
+template <class R>
 class ResidualBound {
  public:
-  explicit ResidualBound(const Assembly& assembly) : assembly(assembly), size(assembly.count), beside(assembly.count) {
-    ActiveSet<double> basis(assembly.A.data(), assembly.count);
-    const std::vector<int> others = basis.span(assembly.all_contacts());
-    const Vector diagonal = basis.diagonal_of_inverse();
+  // With a basis of the contacts `those`.
+  ResidualBound(const Assembly& assembly, const std::vector<int>& those)
+      : assembly(assembly), size(assembly.count), beside(assembly.count) {
+    ActiveSet<R> basis(assembly.couplings<R>().data(), assembly.count);
+    const std::vector<int> others = basis.span(those);
+    const std::vector<R> diagonal = basis.diagonal_of_inverse();
     // A is rounded, the more the thinner a body is, and so is the factor.
     double roundings = static_cast<double>(assembly.count) * assembly.count;
     for (const AssembledBody& body : assembly.bodies) roundings = std::fmax(roundings, std::pow(norm_ratio(body), 2));
-    rounding = std::accumulate(diagonal.begin(), diagonal.end(), 0.0) * roundings * 0x1p-49;
+    for (const R& one : diagonal) rounding += high(one) * roundings * 16 * Traits<R>::roundoff;
     is_known = !assembly.is_locked && rounding < 0.25;
     if (!is_known) return;
-    for (size_t k = 0; k < diagonal.size(); ++k) size[basis.members[k]] = std::sqrt(diagonal[k]) * (1 + rounding);
+    for (size_t k = 0; k < diagonal.size(); ++k) size[basis.members[k]] = std::sqrt(high(diagonal[k])) * (1 + rounding);
     for (int i : others) beside[i] = contacts_beside(i, basis);
   }
 
@@ -86,16 +89,16 @@ class ResidualBound {
     double rounding;  // of each c
   };
 
-  Beside contacts_beside(int i, const ActiveSet<double>& basis) const {
+  Beside contacts_beside(int i, const ActiveSet<R>& basis) const {
     Beside found{};
     int count = 0;  // at most three of one normal are independent
-    Vector line;
+    std::vector<R> line;
     for (size_t k = 0; k < basis.members.size() && count < 3; ++k) {
       const int s = basis.members[k];
       if (!are_beside(assembly.contacts[i], assembly.contacts[s])) continue;
       if (count == 0) basis.line(i, line);
       found.contact[count] = s;
-      found.c[count++] = std::fabs(line[k]);
+      found.c[count++] = std::fabs(high(line[k]));
     }
     found.rounding = rounding * (found.c[0] + found.c[1] + found.c[2]);
     found.is_known = count == 3;

@@ -53,16 +53,23 @@ inline Vector share_nearly(const Assembly& assembly, const Vector& loads) {
   return shared;
 }
 
+constexpr double NO_SHARE = 1e-8;  // components of impulses that do nothing
+
 // Up to which loads of independent contacts, relative to the greatest, rounding may decide: the more, the more nearly
-// they depend on each other.
+// they depend on each other. It may decide any load of contacts that depend so nearly that half of the digits are lost.
 inline Vector rounding_of_loads(const Assembly& assembly) {
   constexpr double ROUNDING = 0x1p-72;
-  const std::vector<DD> matrix = assembly.couplings<DD>();
-  ActiveSet<DD> basis(matrix.data(), assembly.count);
-  basis.span(assembly.all_contacts(), NEARLY_DEPENDENT);
+  ActiveSet<DD> basis(assembly.couplings<DD>().data(), assembly.count);
+  const std::vector<int> dependent = basis.span(assembly.all_contacts(), NEARLY_DEPENDENT);
   const std::vector<DD> diagonal = basis.diagonal_of_inverse();
   Vector rounding(assembly.count, INFINITY);
   for (size_t k = 0; k < diagonal.size(); ++k) rounding[basis.members[k]] = ROUNDING * diagonal[k].h;
+  std::vector<DD> w;
+  for (int i : dependent) {
+    basis.line(i, w);
+    for (size_t k = 0; k < w.size(); ++k)
+      if (std::fabs(w[k].h) > NO_SHARE) rounding[basis.members[k]] = INFINITY;
+  }
   return rounding;
 }
 
@@ -91,7 +98,6 @@ struct SharedLoads {
 inline SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p, const Vector& given) {
   constexpr double SMALL = 1e-10, LEAST = 1e-6;  // a load, relative to those of its bodies; a part
   constexpr double NO_LOAD = 1e-20;  // of a body, relative to the greatest
-  constexpr double NO_SHARE = 1e-8;  // components of impulses that do nothing
   const int count = assembly.count;
   const double greatest = greatest_of(given);
   std::vector<DD> shared = p;
