@@ -139,7 +139,10 @@ def uneven_rebounds(seed: int) -> Scene:
     return Scene([*bodies, wall], pairs, contacts)
 
 
-UNEVEN = [*range(60), 77, 98, 152, 325, 343, 899, 929, 1135, 1182, 1216, 1220, 1387, 1574, 2141, 2240, 2326, 3863, 5256]
+UNEVEN = [
+    *range(60),
+    *(77, 98, 152, 325, 343, 899, 929, 1135, 1182, 1216, 1220, 1387, 1574, 2141, 2240, 2326, 3863, 5256),
+]
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
@@ -153,7 +156,7 @@ def test_uneven_rebounds_have_one_answer_in_any_order(seed, law):
 
 
 def noisy_stack(boxes: int, noise: float, seed: int) -> Scene:
-    """Boxes on one another, as a detector of contacts in floats sees them: each number is off by up to ``noise``."""
+    """Boxes on one another, as a detector of contacts sees them: each number is off by up to ``noise``."""
     rng = random.Random(seed)
 
     def off() -> float:
