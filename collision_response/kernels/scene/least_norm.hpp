@@ -111,10 +111,11 @@ inline NullImpulses null_impulses(const Assembly& assembly, double enough) {
 template <class R> constexpr double ROUNDING = is_scalar<R> ? 0x1p-46 : 0x1p-88;
 
 // Replace p by the p + Z z >= 0 of least norm. Components of Z up to SMALL may be rounding, and do not keep p from
-// changing. Returns whether none of them would have. Those up to `left_out` are taken for 0.
+// changing. Returns whether none of them would have. Contacts that Z changes by up to `left_out` of its norm are left out,
+// whatever basis Z is.
 template <class R>
 bool minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies,
-                   const std::vector<std::vector<DD>>& basis, double left_out = ROUNDING<R>) {
+                   const std::vector<std::vector<DD>>& basis, double left_out = 0) {
   constexpr double SMALL = is_scalar<R> ? 1e-10 : 1e-14;
   const int count = assembly.count;
   std::vector<std::vector<R>> Z(basis.size(), std::vector<R>(count));
@@ -142,9 +143,19 @@ bool minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies
     for (int i = 0; i < count; ++i) {
       R& x = Z[k][i];
       x = x / length;
-      if (std::fabs(high(x)) < left_out) x = R{};
+      if (std::fabs(high(x)) < ROUNDING<R>) x = R{};
       else used[k].push_back(i);
     }
+  }
+  Vector share(count);  // how much Z changes each contact, squared
+  for (const auto& z : Z)
+    for (int i = 0; i < count; ++i) share[i] += high(z[i]) * high(z[i]);
+  for (size_t k = 0; k < Z.size(); ++k) {
+    std::vector<int> kept;
+    for (int i : used[k])
+      if (share[i] < left_out * left_out) Z[k][i] = R{};
+      else kept.push_back(i);
+    used[k] = std::move(kept);
   }
   auto add_to_P = [&](const R& by, size_t k) {
     add(P, by, k);
