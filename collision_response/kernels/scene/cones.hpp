@@ -51,6 +51,8 @@ class Cones {
   static constexpr double GREATEST_FACTOR = 100, LEAST_FACTOR = 1.2;  // by which rho is raised at once
   static constexpr int MAX_STEPS = 60;
   static constexpr int TRIES = 3;  // of Newton steps that do not reduce the gradient, near the minimum
+  static constexpr double SHORTEST = 1e-3;  // part of a Newton step
+  static constexpr int MOST_STALLS = 5;  // steps of that length: hardly any converge after more
   // Multiplications after which no steps begin that may be many. Only double-double takes so long.
   static constexpr double BUDGET = is_scalar<R> ? INFINITY : 1e8;
 
@@ -143,7 +145,7 @@ class Cones {
     }
     double off = norm(gradient), small = (1e-14 + 2e-16 * rho) * (is_scalar<R> ? 1 : 0x1p-44 * fastest);
     double least = INFINITY;
-    int tries = 0;
+    int tries = 0, stalls = 0;
     for (int turn = 0; turn < budget && off > small; ++turn) {
       newton();
       const R slope = dot(gradient, step);
@@ -154,14 +156,16 @@ class Cones {
         best = x;
       }
       R now{};
-      for (double length = 1;; length /= 2) {
+      double length = 1;
+      for (;; length /= 2) {
         trial = x;
         increase(trial, length, step);
         now = evaluate(trial, false);
         off = norm(gradient);
-        if (off <= old / 2 || less_equal(now, value + 1e-4 * length * slope) || is_near || length < 1e-3) break;
+        if (off <= old / 2 || less_equal(now, value + 1e-4 * length * slope) || is_near || length < SHORTEST) break;
       }
-      if (off == INFINITY) {
+      if (length < SHORTEST) ++stalls;
+      if (off == INFINITY || stalls > MOST_STALLS) {
         evaluate(x, false);
         return false;
       }
@@ -297,6 +301,7 @@ class Cones {
       const State before = state();
       if (!lagrangian_step(size, P, false, 30)) {
         restore(before);
+        if (least <= enough / 4) break;  // a step that fails takes as long as twenty others
         size /= 10;
         continue;
       }
