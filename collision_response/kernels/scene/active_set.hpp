@@ -189,8 +189,8 @@ Minimum<R> minimise(const std::vector<R>& A, const std::vector<R>& b, const std:
       if (high(A[i * stride + j]) != 0) coupled.push_back(j);
     end.push_back(coupled.size());
   }
-  // Mostly, 2 n turns are enough. If not, the first column that may enters, so that none cycle. Where doubles still do,
-  // they do not have the digits.
+  // Mostly, 2 n turns are enough. After 4 n, the first column whose slope is negative enters, so that they do not cycle.
+  // Where doubles still do, they have too few digits.
   const size_t by_slope = 20 + 4 * n, turns = is_scalar<R> ? 2 * by_slope : 200 + 50 * n;
   for (size_t turn = 0; turn < turns; ++turn) {
     int entering = -1;

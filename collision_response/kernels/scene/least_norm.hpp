@@ -11,10 +11,10 @@ struct Effects {
   double fastest = 0;
   std::vector<R> matrix;
 
-  explicit Effects(const Assembly& assembly) : u(assembly.count), scale(assembly.count) {
+  explicit Effects(const Assembly& assembly)
+      : u(assembly.count), scale(assembly.count), matrix(assembly.couplings<R>()) {
     const int count = assembly.count;
     const std::vector<AssembledContact>& contacts = assembly.contacts;
-    matrix = assembly.couplings<R>();
     for (const AssembledContact& contact : contacts)
       fastest = std::fmax(fastest, std::fabs(high(contact.velocity)) * contact.scale);
     for (int i = 0; i < count; ++i) {

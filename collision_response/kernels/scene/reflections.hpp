@@ -10,7 +10,7 @@
 
 struct Reflections {
   const Assembly& assembly;
-  bool is_fine = false;  // with a bound on the error of each projection from the contacts that press in it
+  bool is_fine = false;  // with bounds from the contacts that press in each projection, in double-double: slow
   std::optional<ResidualBound<double>> residual_bound{};  // from the first projection on
 
   ClusterImpulses resolve(double threshold) {
@@ -70,12 +70,15 @@ struct Reflections {
   Projection project_from(const std::vector<DD>& p, const std::vector<int>& among) const {
     Projection found = project(assembly, p.data(), among, nullptr);
     if (found.status != MinimumStatus::FOUND || !(found.error < INFINITY)) return found;
+    found.error =
+        std::fmin(found.error, is_fine ? fine_bound(among, found) : (*residual_bound)(among, found.q, found.r));
+    return found;
+  }
+  double fine_bound(const std::vector<int>& among, const Projection& found) const {
     std::vector<int> pressed;
     for (int i : among)
-      if (is_fine && found.q[i].h > 0) pressed.push_back(i);
-    found.error = std::fmin(found.error, is_fine ? ResidualBound<DD>(assembly, pressed)(among, found.q, found.r)
-                                                 : (*residual_bound)(among, found.q, found.r));
-    return found;
+      if (found.q[i].h > 0) pressed.push_back(i);
+    return ResidualBound<DD>(assembly, pressed)(among, found.q, found.r);
   }
 
   // The restitution of the cluster: sum e u q / sum u q over the contacts that approach, for the q of least norm. For
