@@ -33,7 +33,17 @@ MODEL_FRAME = "__model__"
 """SDF's name for the frame of the model."""
 
 URDF_JOINTS = "fixed", "revolute", "continuous", "prismatic", "floating", "planar"
-SDF_JOINTS = (*URDF_JOINTS[:4], "revolute2", "universal", "ball", "screw", "gearbox")
+SDF_JOINTS = (
+    "fixed",
+    "revolute",
+    "continuous",
+    "prismatic",
+    "revolute2",
+    "universal",
+    "ball",
+    "screw",
+    "gearbox",
+)
 
 
 class Inertial(NamedTuple):
