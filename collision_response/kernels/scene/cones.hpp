@@ -52,7 +52,8 @@ class Cones {
   static constexpr int MAX_STEPS = 60;
   static constexpr int TRIES = 3;  // of Newton steps that do not reduce the gradient, near the minimum
   static constexpr double SHORTEST = 1e-3;  // part of a Newton step
-  static constexpr int MOST_STALLS = 5;  // steps of that length: hardly any converge after more
+  // Newton steps of that length: hardly any converge after more, and only double-double takes so long.
+  static constexpr int MOST_STALLS = is_scalar<R> ? 100 : 5;
   // Multiplications after which no steps begin that may be many. Only double-double takes so long.
   static constexpr double BUDGET = is_scalar<R> ? INFINITY : 1e8;
 
