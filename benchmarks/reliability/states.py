@@ -45,10 +45,10 @@ def by_the_node(stage: Stage, kind: str, rate: int, seconds: float) -> Row:
     sent = _sent(publishers)
     found = stopped(other)
     # A table replaces the previous one: only the node knows how many it received.
-    known = 0 if kind == "BodyStates" else _known(stage, sent["states"])
+    known = None if kind == "BodyStates" else _known(stage, sent["states"])
     values = stage.child("diagnostics").until("found")  # after all states have been read
     return {
-        **_row(sent, known or int(values["states"]) * TABLE),
+        **_row(sent, int(values["states"]) * TABLE if known is None else known),
         "alive": node.is_alive(),
         "unanswered": found.unanswered,
         "latency": found.latency(),

@@ -4,7 +4,7 @@
 
 template <class R>
 struct Cone {
-  static constexpr double GIVE = 1e-14;
+  static constexpr double GIVE = 1e-14;  // of a contact that takes nearly its full part
   using Slope = std::array<std::array<R, 3>, 3>;
 
   int body[2];  // -1: immovable
