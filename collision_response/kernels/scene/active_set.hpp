@@ -171,14 +171,33 @@ struct Minimum {
   int last = -1;  // the component that entered last
 };
 
-// Minimise over the components `among`; the others are 0. A is stored by rows.
+// Minimise over the components `among`; the others are 0. A is stored by rows. If x is positive on the active set
+// `guess`, the method begins there.
 template <class R>
-Minimum<R> minimise(const std::vector<R>& A, const std::vector<R>& b, const std::vector<int>& among) {
+Minimum<R> minimise(const std::vector<R>& A, const std::vector<R>& b, const std::vector<int>& among,
+                    const std::vector<int>& guess = {}) {
   const int stride = static_cast<int>(b.size());
   Minimum<R> result{{A.data(), stride}, std::vector<R>(b.size())};
   ActiveSet<R>& active = result.active;
   std::vector<R>& x = result.x;
   std::vector<R> y;
+  auto solve_active = [&] {
+    y.clear();
+    for (int j : active.members) y.push_back(-b[j]);
+    active.solve(y.data());
+    for (size_t k = 0; k < y.size(); ++k) x[active.members[k]] = high(y[k]) > 0 ? y[k] : R{};
+  };
+  std::vector<int> begin(guess);
+  for (bool is_positive = begin.empty(); !is_positive;) {
+    active = {A.data(), stride};
+    for (int i : begin) active.append(i);
+    x.assign(b.size(), R{});
+    solve_active();
+    begin.clear();
+    for (int j : active.members)
+      if (high(x[j]) > 0) begin.push_back(j);
+    is_positive = begin.size() == active.members.size();
+  }
   size_t n = among.size();
   std::vector<int> coupled;  // for each of `among`, those that it is coupled with
   std::vector<size_t> end;
@@ -215,11 +234,7 @@ Minimum<R> minimise(const std::vector<R>& A, const std::vector<R>& b, const std:
         active, entering, most, [&](int j, const R& by) { x[j] = high(by) == -INFINITY ? R{} : x[j] + by; },
         [&](int j) { return x[j]; });
     if (result.status != MinimumStatus::FOUND) return result;
-    // Solve for the active components anew, so that the rounding of the steps does not accumulate.
-    y.clear();
-    for (int j : active.members) y.push_back(-b[j]);
-    active.solve(y.data());
-    for (size_t k = 0; k < y.size(); ++k) x[active.members[k]] = high(y[k]) > 0 ? y[k] : R{};
+    solve_active();  // anew, so that the rounding of the steps does not accumulate
   }
   result.status = MinimumStatus::TOO_LONG;
   return result;

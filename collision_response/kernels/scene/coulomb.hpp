@@ -203,7 +203,7 @@ struct LeastWork {
   // velocities that are kept. Returns the error of the stop.
   double stop_approach(const Motion& after, double error, std::vector<Axes>& P) const {
     const int count = assembly.count;
-    std::vector<N> offset;
+    std::vector<N> start;
     bool approaches = false;
     for (int i = 0; i < count; ++i) {
       const AssembledContact& contact = assembly.contacts[i];
@@ -212,11 +212,10 @@ struct LeastWork {
       // Velocities that are kept do not approach, except by the error of the programme.
       const double kept = shared.part[i] < 1 ? 0 : error / contact.unit();
       approaches = approaches || u < -doubt - kept;
-      offset.push_back(exact(u * contact.length) - contact.velocity);
-      offset.back().error += doubt * contact.length;
+      start.push_back({{u * contact.length, 0}, doubt * contact.length});
     }
     if (!approaches) return 0;
-    const Projection last = project(assembly, std::vector<DD>(count).data(), assembly.all_contacts(), offset.data());
+    const Projection last = project(assembly, start, assembly.all_contacts());
     for (int i = 0; i < count; ++i) P[i][0] += last.q[i].h * assembly.contacts[i].length;
     // GRR has found velocities that separate the contacts. If none are found here, doubles cannot tell.
     return last.status == MinimumStatus::FOUND ? last.error : INFINITY;

@@ -7,6 +7,7 @@ struct Projection {
   std::vector<DD> q;  // impulses along the normals
   std::vector<N> r;  // velocities after them; only those of the contacts that were projected
   double error;  // a bound on that of the velocities, in the metric of kinetic energy
+  std::vector<int> active{};  // contacts that hold, from which the others follow
   bool is_settled = false;  // whether all velocities are right within their rounding: more digits change nothing
 };
 
@@ -40,7 +41,8 @@ inline double projection_error(const Assembly& assembly, const std::vector<int>&
 
 // The projection from velocities `start`, with active sets in the digits of R and impulses in double-double.
 template <class R>
-Projection project_with(const Assembly& assembly, const std::vector<N>& start, const std::vector<int>& among) {
+Projection project_with(const Assembly& assembly, const std::vector<N>& start, const std::vector<int>& among,
+                        const std::vector<int>& guess) {
   constexpr int MOST_RETURNS = 1;
   const int count = assembly.count;
   const std::vector<AssembledContact>& contacts = assembly.contacts;
@@ -50,7 +52,7 @@ Projection project_with(const Assembly& assembly, const std::vector<N>& start, c
   std::vector<N>& r = result.r;
   std::vector<R> b(count);
   for (int i : among) b[i] = rounded_to<R>(start[i]) * scale(i);
-  Minimum<R> first = minimise(assembly.couplings<R>(), b, among);
+  Minimum<R> first = minimise(assembly.couplings<R>(), b, among, guess);
   result.status = first.status;
   if (result.status != MinimumStatus::FOUND) return result;
   ActiveSet<R>& active = first.active;
@@ -129,30 +131,30 @@ Projection project_with(const Assembly& assembly, const std::vector<N>& start, c
       is_current = false;
     }
   if (!is_current) update_r();
+  result.active = active.members;
   result.error = projection_error(assembly, among, q, start, r);
   return result;
 }
 
-// The impulses q >= 0 of the contacts `among` that change v0 + M^-1 N p least and give these contacts velocities
-// u + offset >= 0. Active sets are in doubles, and in double-double where contacts are nearly dependent.
-inline Projection project(const Assembly& assembly, const DD* p, const std::vector<int>& among, const N* offset) {
-  std::vector<N> start = assembly.velocities(p);
-  if (offset)
-    for (int i : among) start[i] = start[i] + offset[i];
-  const Projection found = project_with<double>(assembly, start, among);
+// The impulses q >= 0 of the contacts `among` that change velocities `start` least, to some that do not approach. Active
+// sets are in doubles, and in double-double where contacts are nearly dependent. `guess`: contacts that may be active.
+inline Projection project(const Assembly& assembly, const std::vector<N>& start, const std::vector<int>& among,
+                          const std::vector<int>& guess = {}) {
+  const Projection found = project_with<double>(assembly, start, among, guess);
   if (found.status == MinimumStatus::FOUND && (found.is_settled || assembly.is_locked)) return found;
-  const Projection finer = project_with<DD>(assembly, start, among);
+  const Projection finer = project_with<DD>(assembly, start, among, found.active);
   return found.error <= finer.error && found.status == MinimumStatus::FOUND ? found : finer;
 }
 
 // The impulses that give all contacts velocities of at least -e min(u, 0).
 inline Projection project_to_rebound(const Assembly& assembly) {
-  std::vector<N> offset;
+  std::vector<N> start;
   for (const AssembledContact& contact : assembly.contacts) {
-    double u = high(contact.velocity), doubt = width(contact.velocity);
-    offset.push_back(u < 0 ? contact.velocity * exact(contact.e) : N{{0, 0}, u < doubt ? doubt : 0});
+    const N& u = contact.velocity;
+    start.push_back(high(u) < 0 ? u + u * exact(contact.e) : u);
+    if (!(high(u) < 0) && high(u) < width(u)) start.back().error += width(u);
   }
-  return project(assembly, std::vector<DD>(assembly.count).data(), assembly.all_contacts(), offset.data());
+  return project(assembly, start, assembly.all_contacts());
 }
 
 // The few contacts that contradict each other as far as doubles can tell: no velocities keep all of them from

@@ -1,6 +1,7 @@
 // FRICTIONLESS: generalised reflections in double-double. scene/reflections.py derives them, and computes them in
 // fractions by the same steps.
 #pragma once
+#include <map>
 #include <optional>
 
 #include "impulses.hpp"
@@ -8,10 +9,15 @@
 #include "projection.hpp"
 #include "residual_bound.hpp"
 
+constexpr size_t KEPT_SETS = 200;  // of contacts, as each takes memory for all contacts
+
 struct Reflections {
   const Assembly& assembly;
   bool is_fine = false;  // with bounds from the contacts that press in each projection, in double-double: slow
   std::optional<ResidualBound<double>> residual_bound{};  // from the first projection on
+  // Long chains of impacts project the same contacts again and again.
+  std::map<std::vector<int>, std::vector<int>> last_active{};  // of each set of contacts, in its last projection
+  std::map<std::vector<int>, ResidualBound<DD>> fine_bounds{};  // by the contacts that press
 
   ClusterImpulses resolve(double threshold) {
     ClusterImpulses result;
@@ -25,7 +31,8 @@ struct Reflections {
     }
     if (!(speed > 0)) return result;
     if (!is_fine) residual_bound.emplace(assembly, assembly.all_contacts());
-    const Projection first = project_from(p, assembly.all_contacts());
+    std::vector<N> u = assembly.velocities(p.data());
+    const Projection first = project_from(u, assembly.all_contacts());
     if (first.status != MinimumStatus::FOUND) return {false};
     double e_error;
     result.restitution = joined_restitution(first, e_error);
@@ -40,15 +47,17 @@ struct Reflections {
     if (!(result.restitution > 0) || assembly.is_locked) return inelastic();
     for (int turn = 0;; ++turn) {
       if (turn == REFLECTIONS) return inelastic();
-      const Violations seen = find_violations(p.data(), error, threshold * speed, threshold * doubt);
-      if (!seen.is_certain) error = INFINITY;
+      const Violations seen = find_violations(u, error, threshold * speed, threshold * doubt);
+      if (!seen.is_certain) error = result.error = INFINITY;
+      if (!seen.is_certain && !is_fine) return result;  // finer bounds may tell
       result.margin = std::fmin(result.margin, seen.margin / speed);
       if (seen.violated.empty()) break;
       bool is_first = turn == 0 && static_cast<int>(seen.violated.size()) == assembly.count;
-      Projection next = is_first ? first : project_from(p, seen.violated);
+      Projection next = is_first ? first : project_from(u, seen.violated);
       if (next.status != MinimumStatus::FOUND) return {false};
       double rounding = add(p, 2, next.q);
       error += 2 * next.error + rounding;
+      u = assembly.velocities(p.data());
     }
     // e p_GR + (1 - e) p_P
     double rounding = add(p, -1, first.q);
@@ -58,8 +67,10 @@ struct Reflections {
     result.error = result.restitution * error + (1 - result.restitution) * first.error + rounding +
                    assembly.velocity_size(p.data()) * 0x1p-98;
     result.error += add(p, 1, first.q);
-    if (may_approach(p.data())) {  // more slowly than the threshold
-      Projection last = project_from(p, assembly.all_contacts());
+    u = assembly.velocities(p.data());
+    if (std::any_of(u.begin(), u.end(), [](const N& one) { return high(one) < width(one); })) {
+      // Some contact may approach, more slowly than the threshold.
+      Projection last = project_from(u, assembly.all_contacts());
       if (last.status != MinimumStatus::FOUND) return {false};
       result.error += add(p, 1, last.q) + last.error;
     }
@@ -67,18 +78,22 @@ struct Reflections {
   }
 
  private:
-  Projection project_from(const std::vector<DD>& p, const std::vector<int>& among) const {
-    Projection found = project(assembly, p.data(), among, nullptr);
+  Projection project_from(const std::vector<N>& u, const std::vector<int>& among) {
+    if (last_active.size() == KEPT_SETS) last_active.clear();
+    std::vector<int>& active = last_active[among];
+    Projection found = project(assembly, u, among, active);
+    active = found.active;
     if (found.status != MinimumStatus::FOUND || !(found.error < INFINITY)) return found;
     found.error =
         std::fmin(found.error, is_fine ? fine_bound(among, found) : (*residual_bound)(among, found.q, found.r));
     return found;
   }
-  double fine_bound(const std::vector<int>& among, const Projection& found) const {
+  double fine_bound(const std::vector<int>& among, const Projection& found) {
     std::vector<int> pressed;
     for (int i : among)
       if (found.q[i].h > 0) pressed.push_back(i);
-    return ResidualBound<DD>(assembly, pressed)(among, found.q, found.r);
+    if (fine_bounds.size() == KEPT_SETS) fine_bounds.clear();
+    return fine_bounds.try_emplace(pressed, assembly, pressed).first->second(among, found.q, found.r);
   }
 
   // The restitution of the cluster: sum e u q / sum u q over the contacts that approach, for the q of least norm. For
@@ -165,9 +180,8 @@ struct Reflections {
     double margin = INFINITY;  // the least distance of a contact from the limit
     bool is_certain = true;  // whether the errors leave `violated` without doubt
   };
-  Violations find_violations(const DD* p, double error, double limit, double doubt) const {
+  Violations find_violations(const std::vector<N>& u, double error, double limit, double doubt) const {
     Violations seen;
-    std::vector<N> u = assembly.velocities(p);
     for (int i = 0; i < assembly.count; ++i) {
       const AssembledContact& contact = assembly.contacts[i];
       N off = u[i] + exact(limit) * exact(contact.length);  // both the length and the limit are rounded
@@ -178,12 +192,6 @@ struct Reflections {
       if (high(off) <= 0 && high(u[i]) < 0) seen.violated.push_back(i);
     }
     return seen;
-  }
-
-  // Whether some contact may approach.
-  bool may_approach(const DD* p) const {
-    const std::vector<N> u = assembly.velocities(p);
-    return std::any_of(u.begin(), u.end(), [](const N& x) { return high(x) < width(x); });
   }
 
   // p += a q, for a power of two a. Returns a bound on the error that rounding causes in the velocities.
