@@ -42,6 +42,27 @@ def test_a_row_of_balls(velocities, e, masses, law, expected):
     assert in_floats.error_bound < 1e-13
 
 
+@pytest.mark.parametrize("collisions", [3, 31, 314, 3141])
+def test_a_ball_between_a_wall_and_a_heavy_ball_counts_the_digits_of_pi(collisions):
+    """Galperin, "Playing pool with pi", Regul. Chaotic Dyn. 8 (2003): unfolded, the path is straight."""
+    heavy = 100.0 ** (len(str(collisions)) - 1)
+    wedge = math.atan(heavy**-0.5)
+    assert math.ceil(math.pi / wedge) - 1 == collisions
+    bodies = [
+        Body.sphere(heavy, 0.5, position=(1, 0, 0), velocity=(-1, 0, 0)),
+        Body.sphere(1.0, 0.5),
+        Body.static(),
+    ]
+    contacts = [Contact.of((x, 0, 0), (1, 0, 0), 1.0) for x in (0.5, -0.5)]
+    answer = Scene(bodies, [(0, 1), (1, 2)], contacts).resolve(GR)
+    unfolded = collisions + collisions % 2
+    angle = abs(math.pi - unfolded * wedge)
+    expected = math.cos(angle), math.sin(angle) * heavy**0.5
+    assert speeds(answer)[:2] == pytest.approx(expected, abs=1e-12)  # pi and the angle are rounded
+    assert answer.error_bound < 1e-15
+    assert answer.kinetic_energy_after == pytest.approx(answer.kinetic_energy_before, rel=1e-14)
+
+
 @pytest.mark.parametrize(
     ("exponent", "expected"),
     [
