@@ -5,8 +5,11 @@
 // are shared takes less, as the fourth corner of a box whose corners are slightly off a plane; and so does one whose load
 // may be rounding.
 #pragma once
+#include <optional>
+
 #include "cones.hpp"
 #include "contact_cones.hpp"
+#include "impulses.hpp"
 #include "least_norm.hpp"
 
 // The impulses of contacts in units that make n.K n of each 1: each is the change of its velocity by itself, times the
@@ -55,23 +58,33 @@ inline Vector share_nearly(const Assembly& assembly, const Vector& loads) {
 
 constexpr double NO_SHARE = 1e-8;  // components of impulses that do nothing
 
-// Up to which loads of independent contacts, relative to the greatest, rounding may decide: the more, the more nearly
-// they depend on each other. It may decide any load of contacts that depend so nearly that half of the digits are lost.
-inline Vector rounding_of_loads(const Assembly& assembly) {
-  constexpr double ROUNDING = 0x1p-72;
-  ActiveSet<DD> basis(assembly.couplings<DD>().data(), assembly.count);
-  const std::vector<int> dependent = basis.span(assembly.all_contacts(), NEARLY_DEPENDENT);
-  const std::vector<DD> diagonal = basis.diagonal_of_inverse();
-  Vector rounding(assembly.count, INFINITY);
-  for (size_t k = 0; k < diagonal.size(); ++k) rounding[basis.members[k]] = ROUNDING * diagonal[k].h;
-  std::vector<DD> w;
-  for (int i : dependent) {
-    basis.line(i, w);
-    for (size_t k = 0; k < w.size(); ++k)
-      if (std::fabs(w[k].h) > NO_SHARE) rounding[basis.members[k]] = INFINITY;
+// Loads of independent contacts that rounding may decide, relative to the greatest: up to `none` it may decide all of
+// them, and up to `full` a part. Both grow as contacts depend on each other more nearly. It may decide any load of
+// contacts that depend so nearly that half of the digits are lost.
+struct RoundedLoads {
+  Vector none, full;
+
+  // error: of the velocities after the impulses, relative to the greatest load
+  RoundedLoads(const Assembly& assembly, double error)
+      : none(assembly.count, INFINITY), full(assembly.count, INFINITY) {
+    // The gap of a projection is rounded to 2^-100, and its root bounds the error: mostly, bounds are pessimistic.
+    constexpr double OF_PROJECTION = 0x1p-50, OF_SUMS = 0x1p-72;
+    ActiveSet<DD> basis(assembly.couplings<DD>().data(), assembly.count);
+    const std::vector<int> dependent = basis.span(assembly.all_contacts(), NEARLY_DEPENDENT);
+    const std::vector<DD> diagonal = basis.diagonal_of_inverse();
+    for (size_t k = 0; k < diagonal.size(); ++k) {
+      none[basis.members[k]] = std::fmin(error, OF_PROJECTION) * std::sqrt(diagonal[k].h);
+      full[basis.members[k]] = OF_SUMS * diagonal[k].h;
+    }
+    std::vector<DD> w;
+    for (int i : dependent) {
+      basis.line(i, w);
+      for (size_t k = 0; k < w.size(); ++k)
+        if (std::fabs(w[k].h) > NO_SHARE) full[basis.members[k]] = INFINITY;
+    }
   }
-  return rounding;
-}
+  double part_of(int contact, double load) const { return load > none[contact] ? load / full[contact] : 0; }
+};
 
 // Loads relative to the greatest of the body that has less, and at least to `least`.
 inline Vector relative_loads(const Assembly& assembly, const Vector& loads, double least) {
@@ -94,13 +107,13 @@ struct SharedLoads {
   Vector part;  // from 0 to 1
 };
 
-// Share the loads `given` of impulses p.
-inline SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p, const Vector& given) {
+// Share the loads `given` of impulses.
+inline SharedLoads share_loads(const Assembly& assembly, const ClusterImpulses& impulses, const Vector& given) {
   constexpr double SMALL = 1e-10, LEAST = 1e-6;  // a load, relative to those of its bodies; a part
   constexpr double NO_LOAD = 1e-20;  // of a body, relative to the greatest
   const int count = assembly.count;
   const double greatest = greatest_of(given);
-  std::vector<DD> shared = p;
+  std::vector<DD> shared = impulses.normal;
   const NullImpulses null = null_impulses(assembly, LEAST_EFFECT);
   if (!null.basis.empty()) minimise_norm(assembly, shared, false, null.basis, NO_SHARE);
   auto is_independent = [&](int i) {
@@ -111,12 +124,13 @@ inline SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& 
   SharedLoads result{loads_of(assembly, shared), 0, Vector(count)};
   result.greatest = greatest_of(result.loads);
   const Vector exactly = relative_loads(assembly, result.loads, NO_LOAD * greatest);
-  Vector nearly, rounding;  // found if needed
+  std::optional<RoundedLoads> rounded;  // found if needed
+  Vector nearly;  // the same
   for (int i = 0; i < count; ++i) {
     double part = exactly[i] > SMALL;
     if (part < 1 && result.loads[i] > 0 && is_independent(i)) {
-      if (rounding.empty()) rounding = rounding_of_loads(assembly);
-      part = result.loads[i] / (rounding[i] * greatest);
+      if (!rounded) rounded.emplace(assembly, impulses.error / greatest);
+      part = rounded->part_of(i, result.loads[i] / greatest);
     }
     if (!(part >= 1)) {
       // Sharing gives loads of about SHARING to bodies that have none.
