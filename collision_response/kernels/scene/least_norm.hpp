@@ -37,7 +37,7 @@ struct NullImpulses {
 
 // Effects up to which they may be rounding, relative to those of the single impulses, which cancel; and up to which
 // refining null impulses still gains digits.
-constexpr double NO_EFFECT = 0x1p-90, LEAST_EFFECT = 0x1p-98;
+constexpr double NO_EFFECT = 0x1p-93, LEAST_EFFECT = 0x1p-98;
 
 // Find null impulses by pivots up to `dependent`, in the digits of R, and refine them until their effects are `enough`.
 // Left out are those whose effect, squared, is `most` or greater.
