@@ -110,6 +110,7 @@ struct SharedLoads {
 // Share the loads `given` of impulses.
 inline SharedLoads share_loads(const Assembly& assembly, const ClusterImpulses& impulses, const Vector& given) {
   constexpr double SMALL = 1e-10, LEAST = 1e-6;  // a load, relative to those of its bodies; a part
+  constexpr double NEVER_ROUNDING = 1e-6;  // such a load of a contact that is independent of impulses that do nothing
   constexpr double NO_LOAD = 1e-20;  // of a body, relative to the greatest
   const int count = assembly.count;
   const double greatest = greatest_of(given);
@@ -128,7 +129,7 @@ inline SharedLoads share_loads(const Assembly& assembly, const ClusterImpulses& 
   Vector nearly;  // the same
   for (int i = 0; i < count; ++i) {
     double part = exactly[i] > SMALL;
-    if (part < 1 && result.loads[i] > 0 && is_independent(i)) {
+    if (exactly[i] < NEVER_ROUNDING && result.loads[i] > 0 && is_independent(i)) {
       if (!rounded) rounded.emplace(assembly, impulses.error / greatest);
       part = rounded->part_of(i, result.loads[i] / greatest);
     }
