@@ -17,7 +17,7 @@ struct Reflections {
   std::optional<ResidualBound<double>> residual_bound{};  // from the first projection on
   // Long chains of impacts project the same contacts again and again.
   std::map<std::vector<int>, std::vector<int>> last_active{};  // of each set of contacts, in its last projection
-  std::map<std::vector<int>, ResidualBound<DD>> fine_bounds{};  // by the contacts that press
+  std::map<std::vector<int>, ResidualBound<DD>> fine_bounds{};  // by the contacts of the basis
 
   ClusterImpulses resolve(double threshold) {
     ClusterImpulses result;
@@ -92,8 +92,13 @@ struct Reflections {
     std::vector<int> pressed;
     for (int i : among)
       if (found.q[i].h > 0) pressed.push_back(i);
+    const double bound = bound_by(pressed)(among, found.q, found.r);
+    // Contacts without load may hardly separate: then, all must be able to make up for residuals.
+    return bound < INFINITY ? bound : bound_by(among)(among, found.q, found.r);
+  }
+  const ResidualBound<DD>& bound_by(const std::vector<int>& those) {
     if (fine_bounds.size() == KEPT_SETS) fine_bounds.clear();
-    return fine_bounds.try_emplace(pressed, assembly, pressed).first->second(among, found.q, found.r);
+    return fine_bounds.try_emplace(those, assembly, those).first->second;
   }
 
   // The restitution of the cluster: sum e u q / sum u q over the contacts that approach, for the q of least norm. For
