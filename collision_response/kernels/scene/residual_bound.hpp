@@ -13,8 +13,11 @@
 //
 // Contacts of the same bodies along the same normal n depend on each other: N_i is affine in the point x_i, and the part
 // of x_i along n does not matter. So with three of them in the basis, N_i = c_0 N_0 + c_1 N_1 + c_2 N_2, exactly. What
-// makes up for these three does so for all. Other contacts outside of the basis must separate.
+// makes up for these three does so for all. Other contacts outside of the basis must separate faster than |d|; in the
+// basis, t is 0 for those that separate, and d leaves them alone.
 #pragma once
+#include <optional>
+
 #include "assembly.hpp"
 
 template <class R>
@@ -42,20 +45,23 @@ class ResidualBound {
     std::vector<char> separates(assembly.count, true);
     for (int i : among) separates[i] = !(q[i].h > 0);
     for (;;) {
-      const double d = change_that_makes_up_for(among, separates, r);
+      const std::optional<Vector> t = changes_that_make_up_for(among, separates, r);
+      const double d = t ? dot(*t, size) * (1 + 1e-9) : INFINITY;
       bool is_enough = true;
-      for (int i : among)
-        if (separates[i] && !((high(r[i]) - width(r[i])) * assembly.contacts[i].scale >= d))
+      for (int i : among) {
+        const double change = t && size[i] > 0 ? (*t)[i] * (1 + 1e-9) : d;
+        if (separates[i] && !((high(r[i]) - width(r[i])) * assembly.contacts[i].scale >= change))
           separates[i] = is_enough = false;  // d might stop it from separating: make up for it, too
+      }
       if (is_enough) return 2 * d;
     }
   }
 
  private:
-  // A bound on the size of d, if `separates` are the contacts that it leaves to separate.
-  double change_that_makes_up_for(const std::vector<int>& among, const std::vector<char>& separates,
-                                  const std::vector<N>& r) const {
-    Vector off(assembly.count), t(assembly.count);  // off: how far r is from 0; t: as above, or more
+  // The sizes of t, or more, for a d that lets the contacts `separates` separate. Nothing if there may be no such d.
+  std::optional<Vector> changes_that_make_up_for(const std::vector<int>& among, const std::vector<char>& separates,
+                                                 const std::vector<N>& r) const {
+    Vector off(assembly.count), t(assembly.count);  // off: how far r is from 0
     for (int i : among) {
       if (separates[i]) continue;
       off[i] = (std::fabs(high(r[i])) + width(r[i])) * assembly.contacts[i].scale;
@@ -64,21 +70,19 @@ class ResidualBound {
     for (int i : among) {
       if (separates[i] || size[i] > 0) continue;
       const Beside& of = beside[i];
-      if (!of.is_known) return INFINITY;
+      if (!of.is_known) return {};
       int spare = -1;  // a contact beside it that separates, and can make up for it
       double rest = off[i];
       for (int k = 0; k < 3; ++k)
         if (!separates[of.contact[k]]) rest += (of.c[k] + of.rounding) * off[of.contact[k]];
         else if (spare < 0 || of.c[k] > of.c[spare]) spare = k;
       if (spare < 0) continue;
-      if (!(of.c[spare] > 2 * of.rounding)) return INFINITY;
+      if (!(of.c[spare] > 2 * of.rounding)) return {};
       for (int s : of.contact)
-        if (separates[s] && t[s] > 0) return INFINITY;  // it makes up for another contact already
+        if (separates[s] && t[s] > 0) return {};  // it makes up for another contact already
       t[of.contact[spare]] = rest / (of.c[spare] - of.rounding);
     }
-    double d = 0;
-    for (int i = 0; i < assembly.count; ++i) d += t[i] * size[i];
-    return d * (1 + 1e-9);
+    return t;
   }
 
   // Three contacts of the basis, and how a contact beside them depends on them.
