@@ -71,7 +71,7 @@ struct LeastWork {
   const Assembly& assembly;
   const ClusterImpulses& frictionless;
   const Vector& given;  // the loads of these
-  const SharedLoads shared = share_loads(assembly, frictionless, given);
+  const SharedLoads shared = share_loads(assembly, frictionless.normal, given);
   const double speed = shared.greatest;
   std::vector<int> loaded{};
   double mean = 0;  // of n.K n, for unit normals

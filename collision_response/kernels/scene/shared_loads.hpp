@@ -9,7 +9,6 @@
 
 #include "cones.hpp"
 #include "contact_cones.hpp"
-#include "impulses.hpp"
 #include "least_norm.hpp"
 
 // The impulses of contacts in units that make n.K n of each 1: each is the change of its velocity by itself, times the
@@ -64,16 +63,24 @@ constexpr double NO_SHARE = 1e-8;  // components of impulses that do nothing
 struct RoundedLoads {
   Vector none, full;
 
-  // error: of the velocities after the impulses, relative to the greatest load
-  RoundedLoads(const Assembly& assembly, double error)
+  // Of the loads of impulses p.
+  RoundedLoads(const Assembly& assembly, const std::vector<DD>& p, const Vector& loads)
       : none(assembly.count, INFINITY), full(assembly.count, INFINITY) {
-    // The gap of a projection is rounded to 2^-100, and its root bounds the error: mostly, bounds are pessimistic.
-    constexpr double OF_PROJECTION = 0x1p-50, OF_SUMS = 0x1p-72;
+    constexpr double OF_SUMS = 0x1p-72;
     ActiveSet<DD> basis(assembly.couplings<DD>().data(), assembly.count);
     const std::vector<int> dependent = basis.span(assembly.all_contacts(), NEARLY_DEPENDENT);
     const std::vector<DD> diagonal = basis.diagonal_of_inverse();
+    // Where the velocities of contacts have errors r, those of the bodies have at most sqrt(p.r), as in projection_error(),
+    // or, if all contacts are in the basis, sum r_i sqrt((A^-1)_ii), as in ResidualBound.
+    const std::vector<N> after = assembly.velocities(p.data());
+    auto width_of = [&](int i) { return width(after[i]) * assembly.contacts[i].scale; };
+    double gap = 0, sum = 0;
+    for (int i = 0; i < assembly.count; ++i) gap += loads[i] * width_of(i);
+    for (size_t k = 0; k < diagonal.size(); ++k) sum += width_of(basis.members[k]) * std::sqrt(diagonal[k].h);
+    if (!dependent.empty()) sum = INFINITY;
+    const double error = std::fmin(std::sqrt(gap), sum) / greatest_of(loads);
     for (size_t k = 0; k < diagonal.size(); ++k) {
-      none[basis.members[k]] = std::fmin(error, OF_PROJECTION) * std::sqrt(diagonal[k].h);
+      none[basis.members[k]] = error * std::sqrt(diagonal[k].h);
       full[basis.members[k]] = OF_SUMS * diagonal[k].h;
     }
     std::vector<DD> w;
@@ -107,14 +114,14 @@ struct SharedLoads {
   Vector part;  // from 0 to 1
 };
 
-// Share the loads `given` of impulses.
-inline SharedLoads share_loads(const Assembly& assembly, const ClusterImpulses& impulses, const Vector& given) {
+// Share the loads `given` of impulses p.
+inline SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p, const Vector& given) {
   constexpr double SMALL = 1e-10, LEAST = 1e-6;  // a load, relative to those of its bodies; a part
   constexpr double NEVER_ROUNDING = 1e-6;  // such a load of a contact that is independent of impulses that do nothing
   constexpr double NO_LOAD = 1e-20;  // of a body, relative to the greatest
   const int count = assembly.count;
   const double greatest = greatest_of(given);
-  std::vector<DD> shared = impulses.normal;
+  std::vector<DD> shared = p;
   const NullImpulses null = null_impulses(assembly, LEAST_EFFECT);
   if (!null.basis.empty()) minimise_norm(assembly, shared, false, null.basis, NO_SHARE);
   auto is_independent = [&](int i) {
@@ -130,7 +137,7 @@ inline SharedLoads share_loads(const Assembly& assembly, const ClusterImpulses& 
   for (int i = 0; i < count; ++i) {
     double part = exactly[i] > SMALL;
     if (exactly[i] < NEVER_ROUNDING && result.loads[i] > 0 && is_independent(i)) {
-      if (!rounded) rounded.emplace(assembly, impulses.error / greatest);
+      if (!rounded) rounded.emplace(assembly, p, given);
       part = rounded->part_of(i, result.loads[i] / greatest);
     }
     if (!(part >= 1)) {
