@@ -59,29 +59,19 @@ constexpr double NO_SHARE = 1e-8;  // components of impulses that do nothing
 
 // Loads of independent contacts that rounding may decide, relative to the greatest: up to `none` it may decide all of
 // them, and up to `full` a part. Both grow as contacts depend on each other more nearly. It may decide any load of
-// contacts that depend so nearly that half of the digits are lost.
+// contacts that depend so nearly that half of the digits are lost. Next to these, a projection is known to half of the
+// digits: the gap, which is rounded, bounds the square of its error.
 struct RoundedLoads {
   Vector none, full;
 
-  // Of the loads of impulses p.
-  RoundedLoads(const Assembly& assembly, const std::vector<DD>& p, const Vector& loads)
-      : none(assembly.count, INFINITY), full(assembly.count, INFINITY) {
-    constexpr double OF_SUMS = 0x1p-72;
+  explicit RoundedLoads(const Assembly& assembly) : none(assembly.count, INFINITY), full(assembly.count, INFINITY) {
+    constexpr double ROUNDING = 0x1p-72, ROUNDING_OF_PROJECTION = 0x1p-50;
     ActiveSet<DD> basis(assembly.couplings<DD>().data(), assembly.count);
     const std::vector<int> dependent = basis.span(assembly.all_contacts(), NEARLY_DEPENDENT);
     const std::vector<DD> diagonal = basis.diagonal_of_inverse();
-    // Where the velocities of contacts have errors r, those of the bodies have at most sqrt(p.r), as in projection_error(),
-    // or, if all contacts are in the basis, sum r_i sqrt((A^-1)_ii), as in ResidualBound.
-    const std::vector<N> after = assembly.velocities(p.data());
-    auto width_of = [&](int i) { return width(after[i]) * assembly.contacts[i].scale; };
-    double gap = 0, sum = 0;
-    for (int i = 0; i < assembly.count; ++i) gap += loads[i] * width_of(i);
-    for (size_t k = 0; k < diagonal.size(); ++k) sum += width_of(basis.members[k]) * std::sqrt(diagonal[k].h);
-    if (!dependent.empty()) sum = INFINITY;
-    const double error = std::fmin(std::sqrt(gap), sum) / greatest_of(loads);
     for (size_t k = 0; k < diagonal.size(); ++k) {
-      none[basis.members[k]] = error * std::sqrt(diagonal[k].h);
-      full[basis.members[k]] = OF_SUMS * diagonal[k].h;
+      none[basis.members[k]] = dependent.empty() ? 0 : ROUNDING_OF_PROJECTION * std::sqrt(diagonal[k].h);
+      full[basis.members[k]] = ROUNDING * diagonal[k].h;
     }
     std::vector<DD> w;
     for (int i : dependent) {
@@ -137,7 +127,7 @@ inline SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& 
   for (int i = 0; i < count; ++i) {
     double part = exactly[i] > SMALL;
     if (exactly[i] < NEVER_ROUNDING && result.loads[i] > 0 && is_independent(i)) {
-      if (!rounded) rounded.emplace(assembly, p, given);
+      if (!rounded) rounded.emplace(assembly);
       part = rounded->part_of(i, result.loads[i] / greatest);
     }
     if (!(part >= 1)) {
