@@ -182,8 +182,8 @@ def noisy_stack(boxes: int, noise: float, seed: int) -> Scene:
 @pytest.mark.parametrize("noise", [1e-14, 1e-12, 1e-10, 1e-9, 1e-8, 1e-6, 1e-5])
 @pytest.mark.parametrize("boxes", [3, 10, 20])
 def test_the_noise_of_a_detector_does_not_cost_the_bound(boxes, noise, seed, law):
-    """Without noise, the bounds are below 1e-6 with friction, and 1e-14 without. With noise, the latter grow as
-    the square of the number of contacts.
+    """Without noise, the bounds are below 1e-6 with friction, and 1e-14 without. With noise, the latter grow
+    as the square of the number of contacts.
     """
     scene = noisy_stack(boxes, noise, seed)
     other, place = shuffled(scene, seed)
