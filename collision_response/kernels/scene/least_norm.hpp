@@ -157,6 +157,7 @@ bool minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies
       else kept.push_back(i);
     used[k] = std::move(kept);
   }
+  const std::vector<R> given = P;
   auto add_to_P = [&](const R& by, size_t k) {
     add(P, by, k);
     for (int i : used[k]) terms[i] += std::fabs(high(by * Z[k][i]));
@@ -192,7 +193,8 @@ bool minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies
   for (size_t k = 0; k < Z.size(); ++k) add_to_P(along(x, k), k);
   bool is_known = true;
   for (int i = 0; i < count; ++i) {
-    if (high(s[i]) == 0) is_known = is_known && high(P[i]) >= -ROUNDING<R> * terms[i];
+    const double change = std::fabs(high(P[i] - given[i]));
+    if (high(s[i]) == 0) is_known = is_known && (change < high(given[i]) || change <= ROUNDING<R> * greatest);
     p[i] = high(x[i]) > 0 || high(P[i]) <= ROUNDING<R> * terms[i] ? R{} : P[i] / weight[i];
   }
   return is_known;
