@@ -171,8 +171,8 @@ struct Minimum {
   int last = -1;  // the component that entered last
 };
 
-// Minimise over the components `among`; the others are 0. A is stored by rows. If x is positive on the active set
-// `guess`, the method begins there.
+// Minimise over the components `among`; the others are 0. A is stored by rows. The method begins on those of the active
+// set `guess` on which x is positive.
 template <class R>
 Minimum<R> minimise(const std::vector<R>& A, const std::vector<R>& b, const std::vector<int>& among,
                     const std::vector<int>& guess = {}) {

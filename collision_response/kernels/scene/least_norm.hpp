@@ -111,8 +111,8 @@ inline NullImpulses null_impulses(const Assembly& assembly, double enough) {
 template <class R> constexpr double ROUNDING = is_scalar<R> ? 0x1p-46 : 0x1p-88;
 
 // Replace p by the p + Z z >= 0 of least norm. Components of Z up to SMALL may be rounding, and do not keep p from
-// changing. Returns whether none of them would have. Contacts that Z changes by up to `left_out` of its norm are left out,
-// whatever basis Z is.
+// changing. Returns whether none of them changes an impulse by more than it is. Contacts that Z changes by up to
+// `left_out` of its norm are left out, whatever basis Z is.
 template <class R>
 bool minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies,
                    const std::vector<std::vector<DD>>& basis, double left_out = 0) {
