@@ -57,10 +57,10 @@ inline Vector share_nearly(const Assembly& assembly, const Vector& loads) {
 
 constexpr double NO_SHARE = 1e-8;  // components of impulses that do nothing
 
-// Loads of independent contacts that rounding may decide, relative to the greatest: up to `none` it may decide all of
-// them, and up to `full` a part. Both grow as contacts depend on each other more nearly. It may decide any load of
-// contacts that depend so nearly that half of the digits are lost. Next to these, a projection is known to half of the
-// digits: the gap, which is rounded, bounds the square of its error.
+// Which part contacts take whose loads rounding may decide, relative to the greatest load: none up to `none`, where the
+// load may be all rounding, and the full part from `full` on. Both limits grow as contacts depend on each other more
+// nearly; of those that depend so nearly that half of the digits are lost, any load may be rounding. Next to these, a
+// projection is known to half of the digits: the gap, which is rounded, bounds the square of its error.
 struct RoundedLoads {
   Vector none, full;
 
@@ -107,7 +107,7 @@ struct SharedLoads {
 // Share the loads `given` of impulses p.
 inline SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p, const Vector& given) {
   constexpr double SMALL = 1e-10, LEAST = 1e-6;  // a load, relative to those of its bodies; a part
-  constexpr double NEVER_ROUNDING = 1e-6;  // such a load of a contact that is independent of impulses that do nothing
+  constexpr double NEVER_ROUNDING = 1e-6;  // a load, also relative: from here on, rounding does not decide it
   constexpr double NO_LOAD = 1e-20;  // of a body, relative to the greatest
   const int count = assembly.count;
   const double greatest = greatest_of(given);
