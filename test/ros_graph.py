@@ -66,10 +66,14 @@ class Graph:
         self._executor.add_node(node)
         return node
 
-    def remove(self, node: Node) -> None:
-        """Stop spinning a node, and destroy it."""
+    def forget(self, node: Node) -> None:
+        """Stop spinning a node."""
         self._executor.remove_node(node)
         self._nodes.remove(node)
+
+    def remove(self, node: Node) -> None:
+        """Stop spinning a node, and destroy it."""
+        self.forget(node)
         node.destroy_node()
 
     def serve(self, cli_args: Any = None, **parameters: Any) -> CollisionResponseNode:

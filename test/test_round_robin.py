@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future
+
 import pytest
 
 pytest.importorskip("rclpy")
@@ -18,7 +20,20 @@ class Bench:
     def __init__(self, over_budget=lambda spent: None):
         self.now = 0.0
         self.done = []
-        self.turns = RoundRobin(over_budget, lambda: self.now)
+        self.wakes = 0
+        self.turns = RoundRobin(over_budget, self.wake, lambda: self.now)
+
+    def wake(self):
+        self.wakes += 1
+
+    def computed(self, name, *futures):
+        """A job that needs what other threads compute."""
+
+        def work():
+            yield from futures
+            self.done.append(name)
+
+        return Job(work(), lambda error: self.done.append(f"{name}: {error.code.name}"))
 
     def job(self, name, steps=1, takes=0.0, until=None):
         """A job of ``steps`` steps of ``takes`` seconds; before the last it waits until ``until``."""
@@ -104,6 +119,46 @@ def test_waiting_requests_of_one_client_continue_in_order():
     assert bench.run() == ["a0", "b0", "a1", "b1", "next"]
 
 
+def test_a_client_whose_request_is_computed_elsewhere_holds_up_no_other():
+    bench, answers = Bench(), [Future(), Future()]
+    for client, future in zip("ab", answers, strict=True):
+        bench.turns.add(client, bench.computed(f"{client}1", future))
+        bench.turns.add(client, bench.job(f"{client}2"))
+    bench.turns.add("c", bench.job("c"))
+    assert bench.run() == ["c"]
+    assert not bench.turns.is_ready and not bench.turns.is_waiting and len(bench.turns) == 4
+    answers[1].set_result(None)
+    assert bench.wakes == 1 and bench.turns.is_ready
+    assert bench.run() == ["c", "b1", "b2"]
+    answers[0].set_result(None)
+    assert bench.wakes == 2
+    assert bench.run() == ["c", "b1", "b2", "a1", "a2"]
+    assert len(bench.turns) == 0
+
+
+def test_a_request_may_be_computed_elsewhere_again_and_one_that_is_resumed_waits_for_it():
+    bench, first, second = Bench(), Future(), Future()
+    bench.turns.add("client", bench.job("waits", until=10.0))
+    bench.turns.add("client", bench.computed("computed", first, second))
+    bench.run()
+    bench.turns.resume()
+    assert bench.run() == []
+    first.set_result(None)
+    assert bench.run() == ["waits"]
+    second.set_result(None)
+    assert bench.run() == ["waits", "computed"]
+
+
+def test_what_is_computed_for_a_client_that_left_is_cancelled_if_it_has_not_begun():
+    bench, future = Bench(), Future()
+    bench.turns.add("gone", bench.computed("computed", future))
+    bench.run()
+    assert bench.turns.drop("gone") == 1
+    assert future.cancelled()
+    bench.turns.add("gone", bench.job("is back"))
+    assert bench.run() == ["is back"]
+
+
 def test_a_request_over_its_budget_is_ended_before_its_next_part():
     over = ImpactError(StatusCode.BUDGET_EXCEEDED, "request", "took too long")
     bench = Bench(lambda spent: over if spent > 2.5 else None)
@@ -145,12 +200,13 @@ def test_at_the_end_every_request_gets_an_error():
     bench.turns.add("a", bench.job("begun ", steps=2, takes=TIME_SLICE))
     bench.turns.add("a", bench.job("queued"))
     bench.turns.add("b", bench.job("waits", until=99.0))
-    bench.turns.run_slice()
-    bench.turns.run_slice()
+    bench.turns.add("c", bench.computed("computed", Future()))
+    for _ in range(3):
+        bench.turns.run_slice()
     bench.turns.refuse_all(ERROR, until=50.0)
-    refused = {"begun : SHUTTING_DOWN", "queued: SHUTTING_DOWN", "waits: SHUTTING_DOWN"}
+    names = ("begun ", "queued", "waits", "computed")
     assert bench.done[0] == "begun 0"
-    assert set(bench.done[1:]) == refused and len(bench.done) == 4
+    assert sorted(bench.done[1:]) == sorted(f"{name}: SHUTTING_DOWN" for name in names)
     assert len(bench.turns) == 0
 
 

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+import threading
 from typing import Any, NamedTuple
 
 import pytest
 
 pytest.importorskip("rclpy")
 
-from ros_graph import LATCHED, assign, state_of, wait_until
+from ros_graph import DEADLINE, LATCHED, assign, balls_meet, state_of, wait_until
 
 from collision_response import Body, Contact, ImpactModel, Law, StatusCode, resolve, resolve_scene
 from collision_response.msg import BodyState, SceneResult
 from collision_response.physics.mass_properties import box
+from collision_response.ros import scenes
 from collision_response.ros.scene_client import Touch, pack, pack_named
 from collision_response.ros.scenes import NUMBERS
 from collision_response.srv import ResolveScene
@@ -101,6 +103,67 @@ def test_answers_over_dds_equal_the_library(shared_node, scene, law):
         assert getattr(result, field) == getattr(expected, field), field
     assert (result.model.law, result.adjustments) == (expected.model.law, expected.adjustments)
     assert [(c.restitution, c.friction) for c in result.contacts] == [c[2:4] for c in expected.contacts]
+
+
+@pytest.fixture
+def long_scenes(monkeypatch):
+    """A semaphore that counts the scenes that have begun, and an event that ends them."""
+    begun, end = threading.Semaphore(0), threading.Event()
+
+    def resolve_later(*problem):
+        begun.release()
+        assert end.wait(DEADLINE)
+        return resolve_scene(*problem)
+
+    monkeypatch.setattr(scenes, "resolve_scene", resolve_later)
+    monkeypatch.setattr(scenes, "MAX_AT_ONCE", 0)
+    yield begun, end
+    end.set()
+
+
+def test_a_long_scene_keeps_nobody_else_waiting(graph, long_scenes):
+    begun, end = long_scenes
+    graph.serve()
+    scene = graph.call_async(request_of(*FLAT_BOX))
+    assert begun.acquire(timeout=DEADLINE)
+    assert graph.call(balls_meet()).success
+    assert not scene.done()
+    next_scene = graph.call_async(request_of(*CRADLE))
+    end.set()
+    wait_until(lambda: scene.done() and next_scene.done())
+    found = scene.result().result, next_scene.result().result
+    for result, expected in zip(found, (FLAT_BOX, CRADLE), strict=True):
+        twists = [(xyz(twist.linear), xyz(twist.angular)) for twist in result.twists]
+        assert twists == [tuple(map(tuple, twist)) for twist in resolve_scene(*expected).twists]
+    assert [result.sequence for result in found] == [2, 3]
+
+
+def test_a_node_that_ends_completes_the_scene_that_it_computes(graph, long_scenes):
+    begun, end = long_scenes
+    node = graph.serve()
+    scene = graph.call_async(request_of(*FLAT_BOX))
+    assert begun.acquire(timeout=DEADLINE)
+    graph.forget(node)
+    ending = threading.Thread(target=node.shut_down)
+    ending.start()
+    end.set()
+    ending.join(DEADLINE)
+    wait_until(scene.done)
+    assert scene.result().success
+
+
+def test_a_scene_for_which_there_is_no_time_at_the_end_is_refused(graph, long_scenes):
+    begun, end = long_scenes
+    node = graph.serve(shutdown_timeout=1.0)
+    scene = graph.call_async(request_of(*FLAT_BOX))
+    assert begun.acquire(timeout=DEADLINE)
+    graph.forget(node)
+    ending = threading.Thread(target=node.shut_down)
+    ending.start()
+    wait_until(scene.done)
+    end.set()
+    ending.join(DEADLINE)
+    assert scene.result().result.status.code == StatusCode.SHUTTING_DOWN
 
 
 def test_bodies_may_be_received(graph):

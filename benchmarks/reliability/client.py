@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from .child_process import Parent, ros_node, service_client
-from .request_kinds import KINDS, SHUTTING_DOWN, code_of, is_right, stamp_of
+from .request_kinds import KINDS, SHUTTING_DOWN, code_of, is_right, service_of, stamp_of
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def spread(seconds: Sequence[float]) -> dict[str, float] | None:
 
 
 class Client:
-    """Sends the requests of an order, to both services, from one node."""
+    """Sends the requests of an order, to all services, from one node."""
 
     def __init__(self, order: Order, node: Any) -> None:
         self.order, self.report = order, Report()
@@ -114,8 +114,7 @@ class Client:
         self._clients: dict[type, Any] = {}
         for request in self._requests.values():
             if type(request) not in self._clients:
-                service = "resolve_collision_batch" if hasattr(request, "pairs") else "resolve_collision"
-                self._clients[type(request)] = service_client(node, service)
+                self._clients[type(request)] = service_client(node, service_of(request))
 
     def is_ready(self) -> bool:
         """Whether all services that it calls exist."""

@@ -234,6 +234,7 @@ CASES: dict[str, Callable[[Stage], Row]] = {
         next_to_another, requests=2000, window=2000, pause=0.005
     ),
     "a subscriber of the results is stopped": results_unread,
+    "a scene of 240 contacts": partial(next_to_another, kinds=("stack of 60",), **LONG),
     "a batch of 2e5, SPATIAL, EXTENDED": partial(next_to_another, kinds=("extended batch of 2e5",), **LONG),
     "a batch of 1e6, over the budget": partial(next_to_another, kinds=("extended batch of 1e6",), **LONG),
     # DDS sends answers of up to 130 MB in one piece, and other clients wait for that.
@@ -245,6 +246,9 @@ CASES: dict[str, Callable[[Stage], Row]] = {
     ),
     "SIGTERM in a burst of 5000": partial(
         terminated, parameters={}, seconds=0.0, kinds=SMALL, requests=5000, window=5000, patience=10.0
+    ),
+    "SIGTERM in a scene of 240 contacts": partial(
+        terminated, parameters={}, seconds=0.1, kinds=("stack of 60",), requests=1, patience=10.0
     ),
     "SIGTERM in a batch of 2e5, ROUTH, EXTENDED": partial(
         terminated, parameters=AMPLE, seconds=3.0, kinds=("routh batch of 2e5",), requests=1, patience=20.0

@@ -23,9 +23,6 @@ SHARES = {"values single": 0.25, "values batch": 0.15} | dict.fromkeys(
 PACE = 500
 """Raw messages per second."""
 
-LONGEST_SCENE = 5.0
-"""Longest time of a scene [s], for which everybody waits: some steps have budgets of a second or two."""
-
 MOST_GROWTH = 200.0
 """Largest growth of the memory [MiB]."""
 
@@ -82,12 +79,11 @@ def _row(node: Any, before: Any, other: Any, unanswered: int) -> Row:
 def broken(name: str, row: Row) -> list[str]:
     """The promises that were broken."""
     wait = row["latency"] and row["latency"]["max"]
-    longest = LONGEST_SCENE if name == "values scene" else LONGEST_WAIT
     is_flat = row["peak"] is not None and row["peak"] - row["before"] <= MOST_GROWTH
     promises = {
         "the node died": row["alive"],
         f"{row['unanswered']} unanswered": row["unanswered"] == 0,
-        f"the other client waited {wait or 0:.2g} s": wait is None or wait <= longest,
+        f"the other client waited {wait or 0:.2g} s": wait is None or wait <= LONGEST_WAIT,
         f"memory up to {row['peak'] or 0:.0f} MiB": is_flat or not row["alive"],
     }
     found = [f"{name}: {what}" for what, holds in promises.items() if not holds]

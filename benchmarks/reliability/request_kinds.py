@@ -74,6 +74,22 @@ def pile() -> Any:
     return pack([box, ball, Body.static()], pairs, contacts, names=["a", "b", "c"], frame_id="world")
 
 
+def stack(boxes: int) -> Any:
+    """Boxes on one another, of 1 g and 1 t in turn, which takes long."""
+    from collision_response import Body, Contact
+    from collision_response.ros.scene_client import pack
+
+    light_and_heavy = [Body.box(mass, (1.0, 1.0, 1.0)) for mass in (1e-3, 1e3)]
+    bodies = [
+        light_and_heavy[k % 2]._replace(position=(0.0, 0.0, k + 0.5), velocity=(0.1 * k, 0.0, -1.0))
+        for k in range(boxes)
+    ]
+    corners = [(k, x, y) for k in range(boxes) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
+    contacts = [Contact.of((x, y, float(k)), (0.0, 0.0, 1.0), 0.3, 0.5) for k, x, y in corners]
+    pairs = [(k, k - 1 if k else boxes) for k, _, _ in corners]
+    return pack([*bodies, Body.static()], pairs, contacts, frame_id="world")
+
+
 def by_name(*names: str) -> Any:
     """Two bodies by name only."""
     request = full()
@@ -131,6 +147,7 @@ def _kinds() -> dict[str, Kind]:
         "batch of 100": Kind(partial(batch, 100), frozenset({1})),
         "batch of 1e4": Kind(partial(batch, 10_000), frozenset({1})),
         "extended batch of 1e4": Kind(partial(batch, 10_000, extended=True), frozenset({1})),
+        "stack of 60": Kind(partial(stack, 60), frozenset({1})),
         "wrong table": Kind(wrong_table, frozenset({19})),
         "point batch of 1e6": Kind(partial(batch, 1_000_000, of_points=True), frozenset({1})),
         "extended batch of 1e6": Kind(partial(batch, 1_000_000, extended=True), frozenset({1})),
@@ -157,13 +174,20 @@ MIXED = (*SMALL, "moreau", "routh_poisson", "batch of 100", "wrong table")
 """Requests to both services, for long runs."""
 
 
+def service_of(request: Any) -> str:
+    """Name of the service that answers a request."""
+    if hasattr(request, "layout"):
+        return "resolve_collision_batch"
+    return "resolve_scene" if hasattr(request, "pairs") else "resolve_collision"
+
+
 def code_of(response: Any) -> int:
-    """Status code of a response of either service."""
+    """Status code of a response of any service."""
     return int(response.code if hasattr(response, "code") else response.result.status.code)
 
 
 def stamp_of(message: Any) -> Any:
-    """The echoed stamp of a request to, or a response of, either service."""
+    """The echoed stamp of a request to, or a response of, any service."""
     if hasattr(message, "result"):
         return message.result.header.stamp
     return message.contact.header.stamp if hasattr(message, "contact") else message.header.stamp

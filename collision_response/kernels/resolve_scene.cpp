@@ -285,7 +285,7 @@ class SceneAnswer {
   // Without the GIL if it takes long. Otherwise getting the GIL back may take longer than the work.
   ClusterResult resolve_cluster(Cluster& cluster) const {
     std::optional<ReleasedGil> released;
-    if (cluster.assembly.count > 32) released.emplace();
+    if (cluster.assembly.count > 8) released.emplace();
     return ::resolve_cluster(cluster, options);
   }
 

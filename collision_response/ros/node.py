@@ -82,6 +82,7 @@ class CollisionResponseNode(DeclaringNode):
     """
 
     _recorder: Recorder | None = None
+    _scene_service: SceneService | None = None
 
     def __init__(self, **options: Any) -> None:
         super().__init__("collision_response", **options)
@@ -102,11 +103,8 @@ class CollisionResponseNode(DeclaringNode):
             SceneSurvey(tolerance) if (tolerance := value("scene_tolerance")) else None,
             self.get_logger(),
         )
-        services = (
-            self.impact_service,
-            BatchService(self.parameters, self._states),
-            SceneService(self.parameters, self._states, answer_log),
-        )
+        self._scene_service = SceneService(self.parameters, self._states, answer_log)
+        services = (self.impact_service, BatchService(self.parameters, self._states), self._scene_service)
         warm_up()
         topics = {self._resolved(topic): topic for topic in value("body_state_topics") if topic}
         self._state_topics = [*topics, self._resolved(TABLE_TOPIC)]
@@ -159,13 +157,15 @@ class CollisionResponseNode(DeclaringNode):
             faulthandler.cancel_dump_traceback_later()
 
     def destroy_node(self) -> None:
-        """Destroy the node, and complete the recording."""
+        """Destroy the node, complete the recording, and wait for the scene that is computed at the moment."""
         for waitable in [*self.waitables]:
             if isinstance(waitable, TakeAllWaitable):  # rclpy would leave it to the executor
                 self.remove_waitable(waitable)
         super().destroy_node()
         if self._recorder is not None:
             self._recorder.close()
+        if self._scene_service is not None:
+            self._scene_service.close()
 
     def _after_sending(self) -> None:
         self._answer_log.publish()

@@ -9,16 +9,18 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Hashable
+from concurrent.futures import Future
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from ..status import ImpactError
 
 Result = TypeVar("Result")
 
-Steps = Generator[float | None, None, Result]
+Steps = Generator["float | Future[Any] | None", None, Result]
 """Work for a request, as a generator. It yields ``None`` where another client may have its turn. If it cannot
-go on before something happens, it yields the time [s] of the clock at which it gives up waiting."""
+go on before something happens, it yields the time [s] of the clock at which it gives up waiting. If it needs
+what another thread computes, it yields the future."""
 
 TIME_SLICE = 0.002
 """How long [s] a client is served before the next client has its turn."""
@@ -45,19 +47,25 @@ class Job:
 class RoundRobin:
     """The jobs of all clients. Each client's jobs are done in order; the clients take turns.
 
+    A job that needs what another thread computes keeps its place, so the client's next jobs wait for it.
+
     ``over_budget`` returns the error with which to end a job that has used this much computing time [s], or
-    ``None`` if it may go on.
+    ``None`` if it may go on. ``on_computed`` is called, by another thread, when that thread has computed what
+    a job needs.
     """
 
     def __init__(
         self,
         over_budget: Callable[[float], ImpactError | None],
+        on_computed: Callable[[], None],
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self._over_budget = over_budget
+        self._on_computed = on_computed
         self._clock = clock
         self._queues: dict[Hashable, deque[Job]] = {}  # in the order of their turns; none is empty
         self._waiting: list[tuple[Hashable, Job]] = []
+        self._computing: dict[Hashable, Future[Any]] = {}  # what clients wait for, with all of their jobs
 
     def __len__(self) -> int:
         """Number of jobs that are not finished."""
@@ -66,7 +74,7 @@ class RoundRobin:
     @property
     def is_ready(self) -> bool:
         """Whether :meth:`run_slice` has anything to do."""
-        return bool(self._queues)
+        return self._next_client() is not None
 
     @property
     def is_waiting(self) -> bool:
@@ -79,13 +87,14 @@ class RoundRobin:
 
     def run_slice(self) -> None:
         """Serve the client whose turn it is for one time slice."""
-        if not self._queues:
+        client = self._next_client()
+        if client is None:
             return
-        client = next(iter(self._queues))
         queue = self._queues.pop(client)
+        self._computing.pop(client, None)
         end = self._clock() + TIME_SLICE
         try:
-            while queue and self._run_step(client, queue) < end:
+            while queue and self._run_step(client, queue) < end and client not in self._computing:
                 pass
         finally:  # a KeyboardInterrupt may end the slice
             if queue:
@@ -101,6 +110,8 @@ class RoundRobin:
 
     def drop(self, client: Hashable) -> int:
         """Drop all jobs of a client without an answer, and return how many there were."""
+        if client in self._computing:
+            self._computing.pop(client).cancel()
         jobs = [*self._queues.pop(client, ()), *(job for owner, job in self._waiting if owner == client)]
         self._waiting = [(owner, job) for owner, job in self._waiting if owner != client]
         for job in jobs:
@@ -117,6 +128,13 @@ class RoundRobin:
             if not queue:
                 del self._queues[client]
 
+    def _next_client(self) -> Hashable | None:
+        """Return the client whose turn it is, or ``None`` if no client has anything to do."""
+        for client in self._queues:
+            if client not in self._computing or self._computing[client].done():
+                return client
+        return None
+
     def _run_step(self, client: Hashable, queue: deque[Job]) -> float:
         """Run one step of the first job in the queue, and return the time at its end."""
         start = self._clock()
@@ -125,12 +143,15 @@ class RoundRobin:
             queue.popleft().refuse(error)
             return self._clock()
         try:
-            deadline = next(job.steps)
+            pause = next(job.steps)
         except StopIteration:
             queue.popleft()
         else:
-            if deadline is not None:
-                job.deadline = deadline
+            if isinstance(pause, Future):
+                self._computing[client] = pause
+                pause.add_done_callback(lambda _: self._on_computed())
+            elif pause is not None:
+                job.deadline = pause
                 self._waiting.append((client, queue.popleft()))
         now = self._clock()
         job.spent += now - start

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import dataclass, field
 from functools import partial
 from typing import NamedTuple
 
@@ -24,12 +25,16 @@ from . import convert
 from .answer_log import AnswerLog
 from .body_lookup import BODIES_PER_STEP, StateFinder, check_immovable, check_names, check_texts
 from .parameters import LatestParameters, Parameters
-from .round_robin import Steps
+from .round_robin import TIME_SLICE, Steps
 from .states import LatestStates
 from .tables import number_of_names, table_in
 
 CONTACT_ROWS = ("x", "y", "z", "nx", "ny", "nz", "e", "mu")
 """Rows of ``ResolveScene.contacts``."""
+
+MAX_AT_ONCE = 4
+"""Most contacts of a scene that is computed at once: another thread would take longer to begin and to end. By
+ROUTH_STRONGE, any scene may take long."""
 
 MAX_BODIES = 8192
 """Most bodies in a scene, which are converted without a budget of their own: as many as the contacts can have
@@ -54,15 +59,23 @@ SceneProblem = tuple[list[Body], list[tuple[int, int]], list[Contact], ImpactMod
 """A request as the numeric core takes it: the arguments of :func:`~collision_response.resolve_scene`."""
 
 
+def _start_thread() -> ThreadPoolExecutor:
+    """Return an executor whose thread runs, so that none needs to start when memory is short."""
+    executor = ThreadPoolExecutor(1, "scenes")
+    executor.submit(int).result()
+    return executor
+
+
 @dataclass
 class SceneService:
-    """Answers ``~/resolve_scene``."""
+    """Answers ``~/resolve_scene``. Another thread computes what may take long: some scenes take seconds."""
 
     interface = ResolveScene
     name = "~/resolve_scene"
     parameters: LatestParameters
     states: LatestStates
     answer_log: AnswerLog
+    _executor: ThreadPoolExecutor = field(init=False, default_factory=_start_thread)
 
     def answer(self, request: ResolveScene.Request) -> Steps[tuple[StatusCode, ResolveScene.Response]]:
         """Compute the response to a request, in steps."""
@@ -74,7 +87,7 @@ class SceneService:
         problem, coefficients = problem_of(request, contacts, bodies, parameters)
 
         try:
-            impact = resolve_scene(*problem)
+            impact = yield from self._compute(problem)
         except ImpactError as error:  # pairs[i] is what the core calls contact i
             owners = {f"bodies[{i}]": body.owner for i, body in enumerate(bodies)}
             raise error.renamed({"pairs": "contacts", **owners}) from None
@@ -86,6 +99,19 @@ class SceneService:
             response.result, lambda stamp, sequence: SceneRecord(stamp, sequence, names, *problem, impact)
         )
         return impact.status, response
+
+    def _compute(self, problem: SceneProblem) -> Steps[SceneImpact]:
+        _, _, contacts, model = problem
+        if len(contacts) <= MAX_AT_ONCE and model.law is not Law.ROUTH_STRONGE:
+            return resolve_scene(*problem)
+        future = self._executor.submit(resolve_scene, *problem)
+        if not wait([future], TIME_SLICE).done:
+            yield future
+        return future.result()
+
+    def close(self) -> None:
+        """Wait for the scene that is computed, and end the thread."""
+        self._executor.shutdown(cancel_futures=True)
 
     def refusal(self, request: ResolveScene.Request, error: ImpactError) -> ResolveScene.Response:
         """Response that says why there is no answer, with the model of the request."""
@@ -233,6 +259,6 @@ def write_answer(
     result.regimes = [int(regime) for regime in impact.regimes]
     cluster_of = {i: number for number, cluster in enumerate(impact.clusters) for i in cluster}
     result.clusters = [cluster_of[i] for i in range(len(contacts))]
-    for field in NUMBERS:
-        setattr(result, field, float(getattr(impact, field)))
+    for name in NUMBERS:
+        setattr(result, name, float(getattr(impact, name)))
     result.adjustments = int(impact.adjustments)

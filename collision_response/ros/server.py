@@ -122,7 +122,7 @@ class Server:
         self._counters = counters
         self._parameters = parameters
         self._after_sending = after_sending
-        self._jobs = RoundRobin(self._over_budget)
+        self._jobs = RoundRobin(self._over_budget, self._wake)
         self._unconfirmed: Counter[bytes] = Counter()
         self._endpoints: dict[str, Endpoint] = {}
         self._waitables: list[TakeAllWaitable] = []
@@ -280,6 +280,11 @@ class Server:
                     self._more.trigger()
             if self._jobs.is_waiting and self._overdue_timer.is_canceled():  # a reset delays a running timer
                 self._overdue_timer.reset()
+
+    def _wake(self) -> None:
+        """Have the executor call :meth:`_serve`; any thread may call this."""
+        with suppress(InvalidHandle):  # of a node that is destroyed meanwhile
+            self._more.trigger()
 
     def _serve_overdue(self) -> None:
         self._jobs.resume(overdue_only=True)
