@@ -193,6 +193,30 @@ def test_the_noise_of_a_detector_does_not_cost_the_bound(boxes, noise, seed, law
     assert distance(scene, one, again) <= one.error_bound + again.error_bound
 
 
+TOLERANCES = [10.0**-k for k in range(1, 13)]
+"""With friction, the first takes a few steps in doubles, the last most digits of double-double."""
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-9, 1e-5, 1e-3])
+@pytest.mark.parametrize("boxes", [1, 3, 10])
+def test_a_tolerance_is_met_with_the_answer_of_the_least_tolerance(boxes, noise):
+    scene = noisy_stack(boxes, noise, boxes)
+    *others, finest = (scene.resolve(Law.COULOMB, tolerance=tolerance) for tolerance in TOLERANCES)
+    for tolerance, answer in zip(TOLERANCES, others, strict=False):
+        assert answer.error_bound <= max(tolerance, 1e-8)  # LeastWork::left_out is up to 2e-9
+        assert distance(scene, answer, finest) <= answer.error_bound + finest.error_bound
+
+
+@pytest.mark.parametrize("seed", [*range(40), 122, 21577, 42093])
+def test_uneven_rebounds_have_one_answer_for_any_tolerance(seed):
+    scene = uneven_rebounds(seed)
+    *others, finest = (scene.resolve(Law.COULOMB, tolerance=tolerance) for tolerance in TOLERANCES[1::2])
+    for answer in others:
+        assert distance(scene, answer, finest) <= answer.error_bound + finest.error_bound
+        is_met = answer.error_bound <= answer.model.tolerance
+        assert answer.status is (StatusCode.OK if is_met else StatusCode.TOLERANCE_NOT_MET)
+
+
 LEGS = {
     "grid": [(x / 2, y / 6, 0.0) for x in (-1, 0, 1) for y in (-3, -1, 1, 3)],
     "circle": [(math.cos(k), math.sin(k), 0.0) for k in range(7)],

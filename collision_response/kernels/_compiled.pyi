@@ -84,7 +84,8 @@ class Cluster:
         self,
         law: int,
         threshold: float,
-        springs: tuple[list[float] | None, float, float, int],
+        tolerance: float,
+        springs: tuple[list[float] | None, float, int],
         decided: tuple[list[float], float, float, float, bool] | None,
         /,
     ) -> tuple[int, tuple[Any, ...], float, float | None, bool, bool, str, int]: ...

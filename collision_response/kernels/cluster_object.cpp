@@ -51,14 +51,14 @@ PyObject* fields_of(const ImpulseEffect& effect, const Cluster& cluster) {
       PyBool_FromLong(effect.is_unphysical));
 }
 
-// resolve(law, threshold, (stiffness, exponent, tolerance, work), decided): the fields of a ClusterResult of
+// resolve(law, threshold, tolerance, (stiffness, exponent, work), decided): the fields of a ClusterResult of
 // scene/cluster_result.py. The stiffness is a list, or None. `decided` is None, or the fields of a Decided of
 // scene/in_kernels.py.
 PyObject* resolve_by_law(PyObject* self, PyObject* args) {
   ClusterOptions options{};
   PyObject *stiffness, *given;
-  if (!PyArg_ParseTuple(args, "id(Oddl)O", &options.law, &options.threshold, &stiffness, &options.springs.exponent,
-                        &options.springs.tolerance, &options.springs.work, &given) ||
+  if (!PyArg_ParseTuple(args, "idd(Odl)O", &options.law, &options.threshold, &options.tolerance, &stiffness,
+                        &options.springs.exponent, &options.springs.work, &given) ||
       !read_list(stiffness, options.springs.stiffness))
     return nullptr;
   Cluster& cluster = cluster_of(self);

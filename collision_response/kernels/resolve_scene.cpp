@@ -49,7 +49,7 @@ PyObject* resolve_clusters(PyObject*, PyObject* args) {
   double bound_limit;
   PyObject *tables[5], *results, *wanted_clusters;
   if (!PyArg_ParseTuple(args, "ii(dddddl)OOOOOO!Oll", &layout, &options.law, &options.threshold,
-                        &options.restitution_threshold, &options.tangential_restitution, &options.springs.tolerance,
+                        &options.restitution_threshold, &options.tangential_restitution, &options.tolerance,
                         &bound_limit, &options.springs.work, &tables[0], &tables[1], &tables[2], &tables[3], &tables[4],
                         &PyTuple_Type, &results, &wanted_clusters, &from, &to))
     return nullptr;
@@ -331,7 +331,7 @@ PyObject* resolve_scene(PyObject*, PyObject* const* args, Py_ssize_t count) {
   Plan plan;
   if (!find_plan(args[3], plan)) return nullptr;
   ClusterOptions options{0, PyFloat_AsDouble(args[4]), plan.settings[MODEL_RESTITUTION_THRESHOLD],
-                         plan.settings[MODEL_TANGENTIAL_RESTITUTION]};
+                         plan.settings[MODEL_TANGENTIAL_RESTITUTION], plan.settings[MODEL_TOLERANCE]};
   if (PyErr_Occurred()) return nullptr;
   Tuple lists[3];
   for (int i = 0; i < 3; ++i) {

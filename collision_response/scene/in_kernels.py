@@ -44,6 +44,7 @@ def resolve_in_kernels(
     """Return the result of a law. Its code is UNSET if fractions may help and are not asked yet."""
     given = options.stiffness
     stiffness = None if given is None else [float(given[i]) for i in parts.indices]
-    springs = stiffness, float(options.exponent), float(options.model.tolerance), protocol.SPRING_WORK
-    result = ClusterResult._make(cluster.resolve(int(law), float(options.threshold), springs, decided))
+    springs = stiffness, float(options.exponent), protocol.SPRING_WORK
+    numbers = float(options.threshold), float(options.model.tolerance)
+    result = ClusterResult._make(cluster.resolve(int(law), *numbers, springs, decided))
     return result._replace(effect=ImpulseEffect._make(result.effect))

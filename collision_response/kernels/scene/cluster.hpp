@@ -117,6 +117,7 @@ struct Cluster {
 struct ClusterOptions {
   int law;
   double threshold, restitution_threshold, tangential_restitution;
+  double tolerance;  // greatest error bound wanted, with friction; 0 for the default
   SpringOptions springs{};
 
   // Whether the law resolves several contacts at once. If not, Python raises the error.
@@ -165,7 +166,7 @@ inline void refuse_path(const char* fault, ClusterResult& result) {
 }
 
 // ROUTH_STRONGE. The error bound includes the estimate of the error of the path.
-inline void resolve_by_springs(const Assembly& assembly, const SpringOptions& options, bool has_friction,
+inline void resolve_by_springs(const Assembly& assembly, const ClusterOptions& options, bool has_friction,
                                ClusterResult& result) {
   auto separates = [](const AssembledContact& contact) { return contact.axes[0].velocity >= 0; };
   if (std::all_of(assembly.contacts.begin(), assembly.contacts.end(), separates))
@@ -175,7 +176,7 @@ inline void resolve_by_springs(const Assembly& assembly, const SpringOptions& op
         (result.faulty < 0 || assembly.contacts[i].e < assembly.contacts[result.faulty].e))
       result.faulty = i;
   if (result.faulty >= 0) return refuse_path(TOO_INELASTIC, result);
-  SpringPath path = follow_springs(assembly, options, has_friction);
+  SpringPath path = follow_springs(assembly, options.springs, options.tolerance, has_friction);
   if (path.fault) return refuse_path(path.fault, result);
   const double rounding = effect_of(assembly, path.impulses, true).error_bound;
   path.impulses.error = path.error * assembly.velocity_size(path.impulses.normal.data());
@@ -211,7 +212,7 @@ inline ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& opt
   }
   const bool has_friction = cluster.has_friction && options.law != LAW_FRICTIONLESS;
   if (options.law == LAW_ROUTH_STRONGE) {
-    resolve_by_springs(assembly, options.springs, has_friction, result);
+    resolve_by_springs(assembly, options, has_friction, result);
     return result;
   }
   if (options.law == LAW_MOREAU && !decided.normal) {
@@ -228,7 +229,8 @@ inline ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& opt
   } else if (impulses.error == INFINITY && !decided.is_final) {
     result.code = UNDECIDED;
   } else {
-    apply(assembly, has_friction ? least_work_friction(assembly, impulses) : impulses, false, result);
+    if (has_friction) impulses = least_work_friction(assembly, impulses, options.tolerance);
+    apply(assembly, impulses, false, result);
   }
   return result;
 }

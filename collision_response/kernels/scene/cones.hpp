@@ -127,6 +127,29 @@ class Cones {
     }
   }
 
+  // Rounds from the P at hand. Returns a bound on the error of y.
+  double go_on() {
+    const bool are_partial =
+        std::any_of(cones.begin(), cones.end(), [](const Cone<R>& one) { return one.is_partial(); });
+    if (const double error = are_partial ? INFINITY : keep_velocities(); error <= enough) return error;
+    Bounds bounds = finish_round();
+    double error = bounds.of_round;
+    auto goes_on = [&](int round) {
+      if (bounds.of_kept <= enough) return false;
+      return (are_partial && round < PARTIAL_ROUNDS) || (!bounds.are_kept && multiplications() < BUDGET);
+    };
+    int round = 1;
+    for (; round < ROUNDS && goes_on(round); ++round) {
+      for (size_t i = 0; i < multipliers.size(); ++i)
+        if (!cones[i].is_partial() || round < PARTIAL_ROUNDS) multipliers[i] = x[6 * body_count + i];
+      lagrangian_step(FIRST_RHO, P, false, 60);
+      bounds = finish_round();
+      error += std::sqrt(2) * bounds.of_round;  // lambda_0 has the error of the round before
+    }
+    const bool is_last = round == ROUNDS || (bounds.are_kept && (!are_partial || round >= PARTIAL_ROUNDS));
+    return is_firm() || !is_last ? bounds.of_kept : std::fmin(error, bounds.of_kept);
+  }
+
   // One augmented Lagrangian step with rho = size, from impulses Q. `from_start` begins as if all contacts held.
   // Whether Newton's method converged.
   bool lagrangian_step(double size, std::vector<Axes> Q, bool from_start, int budget) {
@@ -241,27 +264,6 @@ class Cones {
     double of_round, of_kept;
     bool are_kept;  // whether the velocities are, to all digits
   };
-
-  // Rounds from the P at hand. Returns a bound on the error of y.
-  double go_on() {
-    const bool are_partial =
-        std::any_of(cones.begin(), cones.end(), [](const Cone<R>& one) { return one.is_partial(); });
-    if (const double error = are_partial ? INFINITY : keep_velocities(); error <= enough) return error;
-    Bounds bounds = finish_round();
-    double error = bounds.of_round;
-    auto goes_on = [&](int round) {
-      if (bounds.of_kept <= enough) return false;
-      return (are_partial && round < PARTIAL_ROUNDS) || (!bounds.are_kept && multiplications() < BUDGET);
-    };
-    for (int round = 1; round < ROUNDS && goes_on(round); ++round) {
-      for (size_t i = 0; i < multipliers.size(); ++i)
-        if (!cones[i].is_partial() || round < PARTIAL_ROUNDS) multipliers[i] = x[6 * body_count + i];
-      lagrangian_step(FIRST_RHO, P, false, 60);
-      bounds = finish_round();
-      error += std::sqrt(2) * bounds.of_round;  // lambda_0 has the error of the round before
-    }
-    return is_firm() ? bounds.of_kept : std::fmin(error, bounds.of_kept);
-  }
 
   // Steps that are rounds of their own: mostly, two keep the velocities to all digits. Further ones follow only if ROUNDS
   // would keep them, too. Returns a bound on the error of y; if it is more than enough, nothing has changed.

@@ -48,7 +48,7 @@ inline double error_for_bound(const Assembly& assembly, const Vector& y, double 
   return bound * largest / worst;
 }
 
-constexpr double ACCEPTED_IN_DOUBLES = 8e-7;  // a bound on the error of an answer: no need for double-double
+constexpr double DEFAULT_TOLERANCE = 1e-6;  // greatest error bound wanted, if none is given
 
 // A bound on the multipliers that keep normal velocities u+ of the contacts `loaded` where all of them stick: for a
 // basis S of these, and the roots a of the diagonal of A_SS^-1,
@@ -71,6 +71,7 @@ struct LeastWork {
   const Assembly& assembly;
   const ClusterImpulses& frictionless;
   const Vector& given;  // the loads of these
+  const double tolerance;
   const SharedLoads shared = share_loads(assembly, frictionless.normal, given);
   const double speed = shared.greatest;
   std::vector<int> loaded{};
@@ -79,8 +80,8 @@ struct LeastWork {
   Motion before{assembly};  // friction
   double left_out = 0;  // bound on the effect of friction where contacts are loaded too little to take part
 
-  LeastWork(const Assembly& assembly, const ClusterImpulses& frictionless, const Vector& given)
-      : assembly(assembly), frictionless(frictionless), given(given) {
+  LeastWork(const Assembly& assembly, const ClusterImpulses& frictionless, const Vector& given, double tolerance)
+      : assembly(assembly), frictionless(frictionless), given(given), tolerance(tolerance) {
     const std::vector<AssembledContact>& contacts = assembly.contacts;
     for (int i = 0; i < assembly.count; ++i) {
       normal_only[i] = {frictionless.normal[i].h * contacts[i].length, 0, 0};
@@ -143,11 +144,16 @@ struct LeastWork {
 
   // Solve the programme in doubles, and in double-double if they are not enough. Returns a bound on the error of y.
   double solve(Cones<double>& programme) const {
-    const double error_in_doubles = programme.solve();
-    const double enough = error_for_bound(assembly, programme.motion(), ACCEPTED_IN_DOUBLES);
-    if (error_in_doubles <= enough) return error_in_doubles;
+    // Motion that is far faster than `speed` may be stopped again, and then counts for nothing.
+    auto enough = [&] {
+      return std::fmin(error_for_bound(assembly, programme.motion(), 0.8 * tolerance), 5 * tolerance);
+    };
+    programme.solve_from_zero();
+    programme.enough = enough();
+    const double error_in_doubles = programme.go_on();
     Cones<DD> precise(assembly.body_count);
-    precise.enough = std::fmin(precise.enough, enough);
+    precise.enough = enough();
+    if (error_in_doubles <= precise.enough) return error_in_doubles;
     const std::vector<N> changes = assembly.twist_changes(frictionless.normal.data());
     for (size_t k = 0; k < loaded.size(); ++k) {
       const AssembledContact& contact = assembly.contacts[loaded[k]];
@@ -199,8 +205,9 @@ struct LeastWork {
     return std::sqrt(square) * speed;
   }
 
-  // Friction may have made another contact approach: add the normal impulses that stop that. `error` is that of the
-  // velocities that are kept. Returns the error of the stop.
+  // Friction may have made another contact approach, and the error of the programme any of them. Add the normal impulses
+  // that stop that, unless they do no more than this error. As a projection, the stop does not increase the error. Returns
+  // that of the stop.
   double stop_approach(const Motion& after, double error, std::vector<Axes>& P) const {
     const int count = assembly.count;
     std::vector<N> start;
@@ -209,22 +216,25 @@ struct LeastWork {
       const AssembledContact& contact = assembly.contacts[i];
       const double u = after.velocity(i, 0);
       const double doubt = 0x1p-50 * (std::fabs(contact.axes[0].velocity) + after.size_at(i));
-      // Velocities that are kept do not approach, except by the error of the programme.
-      const double kept = shared.part[i] < 1 ? 0 : error / contact.unit();
-      approaches = approaches || u < -doubt - kept;
+      approaches = approaches || u < -doubt;
       start.push_back({{u * contact.length, 0}, doubt * contact.length});
     }
     if (!approaches) return 0;
     const Projection last = project(assembly, start, assembly.all_contacts());
-    for (int i = 0; i < count; ++i) P[i][0] += last.q[i].h * assembly.contacts[i].length;
     // GRR has found velocities that separate the contacts. If none are found here, doubles cannot tell.
-    return last.status == MinimumStatus::FOUND ? last.error : INFINITY;
+    const bool is_found = last.status == MinimumStatus::FOUND;
+    const double size = assembly.velocity_size(last.q.data());
+    if (is_found && size <= error) return size;
+    for (int i = 0; i < count; ++i) P[i][0] += last.q[i].h * assembly.contacts[i].length;
+    return is_found ? last.error : INFINITY;
   }
 };
 
 // The impulses of COULOMB, from the frictionless ones. If none of the loaded contacts has friction, these are the result.
-inline ClusterImpulses least_work_friction(const Assembly& assembly, const ClusterImpulses& frictionless) {
+// `tolerance`: greatest error bound wanted, or 0.
+inline ClusterImpulses least_work_friction(const Assembly& assembly, const ClusterImpulses& frictionless,
+                                           double tolerance) {
   const Vector given = loads_of(assembly, frictionless.normal);
   if (!(greatest_of(given) > 0)) return frictionless;
-  return LeastWork(assembly, frictionless, given).resolve();
+  return LeastWork(assembly, frictionless, given, tolerance > 0 ? tolerance : DEFAULT_TOLERANCE).resolve();
 }

@@ -34,7 +34,6 @@ constexpr const char* TOO_INELASTIC = "must be at least 0.05 for ROUTH_STRONGE i
 struct SpringOptions {
   Vector stiffness{};  // of each contact, in any unit; empty: all are equal
   double exponent = 1.5;  // eta
-  double tolerance = 0;  // greatest relative error wanted; 0 for the default
   long work = 0;  // budget of all paths together, roughly in nanoseconds
 };
 
@@ -59,8 +58,9 @@ inline double relative_distance(const Assembly& assembly, const Vector& changes,
   return distance == 0 ? 0 : size > 0 ? distance / size : INFINITY;
 }
 
-// Follow the springs, more and more exactly.
-inline SpringPath follow_springs(const Assembly& assembly, const SpringOptions& options, bool has_friction) {
+// Follow the springs, more and more exactly. `tolerance`: greatest relative error wanted; 0 for the default.
+inline SpringPath follow_springs(const Assembly& assembly, const SpringOptions& options, double tolerance,
+                                 bool has_friction) {
   // The error allowed in a step of the first path, relative to the motion; its ratio from each path to the next; and the
   // estimate of the answer's error at which to stop, if no tolerance is given.
   double step_error = has_friction ? 1e-2 : 1e-5;
@@ -73,7 +73,7 @@ inline SpringPath follow_springs(const Assembly& assembly, const SpringOptions& 
   constexpr double WORST = 0.1;  // greatest error estimate that still counts as an answer
 
   const Vector stiffness = options.stiffness.empty() ? Vector(assembly.count, 1) : options.stiffness;
-  const double wanted = options.tolerance > 0 ? options.tolerance : enough;
+  const double wanted = tolerance > 0 ? tolerance : enough;
   long work = options.work;
   double ratio = least_ratio, change = 0;
   SpringPath last;
