@@ -124,6 +124,8 @@ RANDOM = [without_com_offset(random_scene(seed)) for seed in range(120)]
         ImpactModel(Law.FRICTIONLESS),
         ImpactModel(Law.COULOMB),
         ImpactModel(Law.COULOMB, restitution_threshold=0.4),
+        ImpactModel(Law.COULOMB, tolerance=1e-2),
+        ImpactModel(Law.COULOMB, tolerance=1e-12),
         ImpactModel(Law.FRICTIONLESS, tolerance=1e-14),
         ImpactModel(Law.MOREAU),
         ImpactModel(Law.ROUTH_STRONGE),

@@ -117,7 +117,7 @@ class Cones {
          ++turn) {
       const State before = state();
       const double next = std::fmin(factor * reached, size);
-      if (lagrangian_step(next, none, false, 60)) {
+      if (lagrangian_step(next, none, false, 200)) {  // one that fails would begin anew, with a smaller factor
         reached = next;
         factor = std::fmin(factor * factor, GREATEST_FACTOR);
       } else {
@@ -146,6 +146,7 @@ class Cones {
       bounds = finish_round();
       error += std::sqrt(2) * bounds.of_round;  // lambda_0 has the error of the round before
     }
+    // Further rounds would change y: only the minimum with N y = c, which they approach, bounds how much.
     const bool is_last = round == ROUNDS || (bounds.are_kept && (!are_partial || round >= PARTIAL_ROUNDS));
     return is_firm() || !is_last ? bounds.of_kept : std::fmin(error, bounds.of_kept);
   }
