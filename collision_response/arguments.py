@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from fractions import Fraction
 from typing import Any
 
 from .numbers.operations import of_python
@@ -81,6 +82,20 @@ def check_number(
     return float(number)
 
 
+def of_one_type(given: Mapping[str, Any]) -> list[Any]:
+    """Return finite numbers, given by name, as floats; or as fractions if all are fractions or integers.
+
+    Numbers of different types cannot always be added.
+
+    Raises:
+        ImpactError, TypeError: as :func:`check_number`.
+    """
+    numbers = [real_number(name, x) for name, x in given.items()]
+    if any(isinstance(x, Fraction) for x in numbers) and all(isinstance(x, (Fraction, int)) for x in numbers):
+        return list(map(Fraction, numbers))
+    return [check_number(name, x, -math.inf, math.inf, StatusCode.NOT_FINITE) for name, x in given.items()]
+
+
 def check_count(field: str, value: Any, least: int, most: float, code: StatusCode) -> int:
     """Check that a value is a whole number in ``[least, most]``, and return it as an ``int``.
 
@@ -102,3 +117,9 @@ def as_list(field: str, values: Iterable[Any]) -> list[Any]:
         return list(values)
     except TypeError:
         raise TypeError(f"{field}: must be a sequence, is {format_value(values)}") from None
+
+
+def check_mapping(field: str, values: Any) -> None:
+    """Raises: TypeError: if ``values`` are no mapping."""
+    if not isinstance(values, Mapping):
+        raise TypeError(f"{field}: must be a mapping, is {format_value(values)}")

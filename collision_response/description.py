@@ -13,6 +13,7 @@ without ``inertial`` has no mass in URDF, and 1 kg in SDF.
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from graphlib import CycleError, TopologicalSorter
 from typing import Any, NamedTuple
@@ -25,6 +26,7 @@ from .physics.mass_properties import MassProperties
 from .physics.orientation import Quaternion
 from .physics.tensor import Symmetric3
 from .physics.vector import Vec3
+from .status import format_value
 
 Pose = Any
 """A homogeneous matrix of shape (4, 4)."""
@@ -85,13 +87,16 @@ class Description(NamedTuple):
             text: the XML; bytes are decoded as their XML declaration says.
 
         Raises:
-            ValueError: if ``text`` is neither, or has an invalid number, a negative mass, a duplicate link
-                or a joint of unknown type; if a URDF is not a tree or has xacro elements; if an SDF model
-                is static. The message says where.
+            ValueError: if ``text`` is neither, or has an invalid number, a negative mass, a link, joint or
+                frame without a name or with that of another one, or a joint of unknown type; if a URDF is
+                not a tree or has xacro elements; if an SDF model is static. The message says where.
+            TypeError: if it is not text.
         """
+        if not isinstance(text, (str, bytes)):
+            raise TypeError(f"text: must be the XML as text or bytes, is {format_value(text)}")
         try:
             root = ElementTree.fromstring(text)
-        except (ElementTree.ParseError, LookupError) as error:  # LookupError: of an unknown encoding
+        except (ElementTree.ParseError, LookupError, ValueError) as error:  # the last two: of the encoding
             raise ValueError(f"the description is not XML: {error}") from None
         if root.tag == "robot":
             return cls(root.get("name", ""), *_urdf(root))
@@ -132,19 +137,20 @@ class Description(NamedTuple):
 
     def _connected_links(self, link: str, locked: bool) -> Iterator[tuple[str, Pose]]:
         """Yield the links of the body that ``link`` belongs to, with their poses in the axes of ``link``."""
+        neighbours = defaultdict(list)
+        for joint in self.joints:
+            if locked or joint.is_fixed:
+                neighbours[joint.parent].append((joint.child, joint.pose))
+                neighbours[joint.child].append((joint.parent, np.linalg.inv(joint.pose)))
         poses = {link: np.eye(4)}
-        joints = [joint for joint in self.joints if locked or joint.is_fixed]
         pending = [link]
         while pending:
             name = pending.pop()
             yield name, poses[name]
-            for joint in joints:
-                if joint.parent == name and joint.child not in poses:
-                    poses[joint.child] = poses[name] @ joint.pose
-                    pending.append(joint.child)
-                elif joint.child == name and joint.parent not in poses:
-                    poses[joint.parent] = poses[name] @ np.linalg.inv(joint.pose)
-                    pending.append(joint.parent)
+            for other, pose in neighbours[name]:
+                if other not in poses:
+                    poses[other] = poses[name] @ pose
+                    pending.append(other)
 
 
 def _transformed(pose: Pose, part: Inertial) -> Inertial:
@@ -156,14 +162,20 @@ def _second_moment(d: Any) -> Any:
     return d @ d * np.eye(3) - np.outer(d, d)
 
 
+def _by_name(owner: Element, tag: str) -> dict[str, Element]:
+    found: dict[str, Element] = {}
+    for element in owner.iterfind(tag):
+        name = element.get("name", "")
+        if not name:
+            raise ValueError(f"a <{tag}> has no name")
+        if name in found:
+            raise ValueError(f"{tag} {name!r} appears twice")
+        found[name] = element
+    return found
+
+
 def _inertials(owner: Element, inertial: Callable[[Element], Inertial]) -> dict[str, Inertial]:
-    inertials: dict[str, Inertial] = {}
-    for link in owner.iterfind("link"):
-        name = link.get("name", "")
-        if name in inertials:
-            raise ValueError(f"link {name!r} appears twice")
-        inertials[name] = inertial(link)
-    return inertials
+    return {name: inertial(link) for name, link in _by_name(owner, "link").items()}
 
 
 def _urdf(robot: Element) -> tuple[dict[str, Inertial], tuple[Joint, ...]]:
@@ -172,8 +184,8 @@ def _urdf(robot: Element) -> tuple[dict[str, Inertial], tuple[Joint, ...]]:
     inertials = _inertials(robot, _urdf_inertial)
     joints = []
     parents: dict[str, list[str]] = {}
-    for joint in robot.iterfind("joint"):
-        where = f"joint {joint.get('name')!r}"
+    for name, joint in _by_name(robot, "joint").items():
+        where = f"joint {name!r}"
         parent, child = (_child(joint, end, where).get("link", "") for end in ("parent", "child"))
         _check_links(where, (parent, child), inertials)
         if child in parents:
@@ -226,7 +238,7 @@ def _sdf(model: Element) -> tuple[dict[str, Inertial], tuple[Joint, ...]]:
             raise ValueError(f"model {model.get('name')!r}: a <{tag}> inside a model is not supported")
     if _is_true(model.findtext("static")):
         raise ValueError(f"model {model.get('name')!r} is static: give it as a STATIC body")
-    elements = {e.get("name", ""): e for tag in ("joint", "frame", "link") for e in model.iterfind(tag)}
+    elements = _by_name(model, "joint") | _by_name(model, "frame") | _by_name(model, "link")
 
     known = {MODEL_FRAME: np.eye(4)}
 

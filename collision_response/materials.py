@@ -122,7 +122,7 @@ class Materials:
     materials: Mapping[str, Material]
 
     @classmethod
-    def read(cls, path: Path) -> Materials:
+    def read(cls, path: Path | str) -> Materials:
         """Read a YAML file.
 
         Raises:
@@ -134,7 +134,7 @@ class Materials:
         from .strict_yaml import YAMLError, load_yaml
 
         try:
-            tree = load_yaml(path.read_text(encoding="utf-8"))
+            tree = load_yaml(Path(path).read_text(encoding="utf-8"))
         except (YAMLError, UnicodeDecodeError) as error:
             where = " ".join(str(error).split())
             raise ImpactError(StatusCode.INVALID_TABLE, str(path), f"is not valid YAML: {where}") from None
@@ -191,10 +191,14 @@ class Materials:
 
         Raises:
             ImpactError: OUT_OF_RANGE, if the combined coefficient exceeds the range of float64.
-            TypeError: if ``rule`` is not a :class:`~collision_response.physics.combine.CombineRule`.
+            TypeError: if ``rule`` is not a :class:`~collision_response.physics.combine.CombineRule`, or a
+                name is not text.
             ValueError: if ``coefficient`` is not "restitution" or "friction".
         """
         check_rule(rule)
+        for field, name in (("a", a), ("b", b)):
+            if not isinstance(name, str):
+                raise TypeError(f"{field}: must be the name of a material, is {format_value(name)}")
         if coefficient not in ("restitution", "friction"):
             raise ValueError(f"coefficient: must be restitution or friction, is {coefficient!r}")
         pair = self.between(a, b)

@@ -21,14 +21,14 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from .answer import Impact, relative_difference
-from .arguments import check_number
+from .arguments import as_list, check_mapping, check_number
 from .in_python.request_numbers import read_request
 from .model import ULP, Geometry, ImpactModel, Precision
 from .physics.body import Body
 from .physics.contact import Contact
 from .physics.laws import Law
 from .resolve import resolve
-from .status import ImpactError, StatusCode
+from .status import POSITIVE, ImpactError, StatusCode, format_value, renamed
 
 
 class SceneContact(NamedTuple):
@@ -138,10 +138,7 @@ class SceneSurvey:
             TypeError: if ``tolerance`` is not a number.
         """
         invalid = StatusCode.INVALID_MODEL
-        check_number("tolerance", tolerance, 0, math.inf, invalid, not_finite=invalid)
-        if tolerance == 0:
-            raise ImpactError(invalid, "tolerance", f"must be above 0, is {tolerance}")
-        self._tolerance = tolerance
+        self._tolerance = check_number("tolerance", tolerance, POSITIVE, math.inf, invalid, invalid)
         self._law = Requirement(Law.FRICTIONLESS, "friction changes no impact by more than the tolerance")
         self._needs = dict.fromkeys(LAWS, NO_NEEDS)
 
@@ -199,14 +196,25 @@ def scene_requirements(
         tolerance: largest relative error of each impact, > 0 and finite.
 
     Raises:
-        ImpactError: if a contact cannot be resolved. INVALID_MODEL, if ``tolerance`` is not positive and
-            finite.
+        ImpactError: if a contact cannot be resolved; ``field`` names the contact or the body.
+            INVALID_MODEL, if ``tolerance`` is not positive and finite.
         KeyError: if a contact names an unknown body.
-        TypeError: if ``tolerance`` is not a number.
+        TypeError: if something has the wrong type.
     """
     survey = SceneSurvey(tolerance)
-    for a, b, contact in contacts:
-        survey.add(f"{a} - {b}", bodies[a], bodies[b], contact)
+    check_mapping("bodies", bodies)
+    for i, given in enumerate(as_list("contacts", contacts)):
+        try:
+            a, b, contact = given
+        except (TypeError, ValueError):
+            raise TypeError(f"contacts[{i}]: must be a SceneContact, is {format_value(given)}") from None
+        names = {"body_a": f"bodies[{a!r}]", "body_b": f"bodies[{b!r}]", "contact": f"contacts[{i}].contact"}
+        try:
+            survey.add(f"{a} - {b}", bodies[a], bodies[b], contact)
+        except ImpactError as error:
+            raise error.renamed(names) from None
+        except TypeError as error:
+            raise TypeError(renamed(str(error), names)) from None
     return survey.requirements()
 
 

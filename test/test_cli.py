@@ -333,6 +333,16 @@ contacts: [0, 0,  0, 0,  1, 1,  0.5, 0.5]"""
             ("body_a: {inertia: {m: !!int ''}}", "cannot be read as int"),
             ("body_a: {inertia: {m: !!timestamp x}}", "body_a.inertia.m: must be a number, is 'x'"),
             (f"body_a: {{motion_type: 1{'0' * 5000}}}", "cannot be read as int"),
+            *(
+                (request % f"0x{'f' * 5000}", says)
+                for request, says in (
+                    ("body_a: %s", "body_a: must have some of the fields "),
+                    ("body_a: {motion_type: %s}", "body_a.motion_type: must be a uint8, is of more digits"),
+                    ("body_a: {name: %s}", "body_a.name: must be text, is of more digits"),
+                    ("body_a: {inertia: {m: %s}}", "body_a.inertia.m: must be a number, is of more digits"),
+                    ("body_a: {inverse_inertia: %s}", "body_a.inverse_inertia: must be a list in brackets, "),
+                )
+            ),
             ("body_a: {motion_type: .inf}", "body_a.motion_type: must be a uint8, is inf"),
             (f"body_a: {{inertia: {{m: 1{'0' * 400}}}}}", "body_a.inertia.m: must be a number, is 1000"),
             ("body_a: {inertia: {m: true}}", "body_a.inertia.m: must be a number, is True"),

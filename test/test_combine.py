@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import itertools
+import math
 import sys
+from decimal import Decimal
 from fractions import Fraction
 
 import numpy as np
@@ -15,7 +17,9 @@ pytest.importorskip("mpmath")
 pytest.importorskip("yaml")
 
 from mpmath import mp, mpf
+from refusals import refused
 
+from collision_response import StatusCode
 from collision_response.numbers.operations import square_root
 from collision_response.physics.combine import CombineRule, combine
 
@@ -125,6 +129,58 @@ def test_rules_are_exact_in_fractions():
 def test_an_unknown_rule_is_refused(rule):
     with pytest.raises(TypeError, match=r"^rule: must be one of CombineRule.AVERAGE, "):
         combine(rule, 0.5, 0.5)
+
+
+NUMBERS = {"a": 0.5, "b": 0.25, "stiffness_a": 1.0, "stiffness_b": 2.0}
+
+
+@every_rule
+@pytest.mark.parametrize("name", NUMBERS)
+def test_numbers_out_of_range_are_refused_by_name(rule, name):
+    """Whether or not the rule uses them."""
+    least = -5e-324 if name in ("a", "b") else 0.0
+    for wrong in (least, -1, Fraction(-1, 3), Decimal("-1e-400"), -(10**300)):
+        with refused(StatusCode.INVALID_COEFFICIENT, name):
+            combine(rule, **NUMBERS | {name: wrong})
+    for wrong in (
+        math.inf,
+        math.nan,
+        10**400,
+        Fraction(10) ** 400,
+        Decimal("nan"),
+        Decimal("inf"),
+        np.float32("inf"),
+    ):
+        with refused(StatusCode.NOT_FINITE, name):
+            combine(rule, **NUMBERS | {name: wrong})
+    for wrong in (least, math.inf, math.nan):
+        with refused(StatusCode.INVALID_COEFFICIENT, name):
+            combine(rule, **NUMBERS | {name: np.array([1.0, wrong])})
+    with pytest.raises(TypeError, match=f"^{name}: must be real numbers, is "):
+        combine(rule, **NUMBERS | {name: np.array([1.0, None])})
+
+
+@every_rule
+@pytest.mark.parametrize("number", [Decimal, Fraction, np.float32, np.float16, np.longdouble, np.array, mpf])
+@pytest.mark.parametrize("name", NUMBERS)
+def test_types_of_numbers_may_be_mixed(rule, name, number):
+    assert combine(rule, **NUMBERS | {name: number(NUMBERS[name])}) == combine(rule, **NUMBERS)
+    assert combine(rule, **{key: number(x) for key, x in NUMBERS.items()}) == pytest.approx(
+        combine(rule, **NUMBERS), rel=1e-15
+    )
+
+
+@every_rule
+def test_a_fraction_below_float64_is_0_among_floats(rule):
+    tiny = Fraction(1, 10**400)
+    assert combine(rule, tiny, 0.5, 1.0, 2.0) == combine(rule, 0.0, 0.5, 1.0, 2.0)
+
+
+@every_rule
+def test_integers_of_numpy_do_not_overflow(rule):
+    assert combine(rule, np.array([200, 3], np.uint8), 100).tolist() == [
+        combine(rule, x, 100) for x in (200, 3)
+    ]
 
 
 def test_the_energetic_rule_gives_the_energy_lost_in_two_springs():

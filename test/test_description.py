@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -177,6 +178,19 @@ def test_a_link_may_share_its_name_with_a_joint_or_a_frame():
             "mass of link 'a': must be at least 0, is '-1e-300'",
         ),
         (urdf(link("a", 1.0), link("a", 2.0)), "link 'a' appears twice"),
+        (urdf("<link/>"), "a <link> has no name"),
+        (urdf(link("a", 1.0), link("b", 1.0), "<joint type='fixed'/>"), "a <joint> has no name"),
+        (sdf("<link name='a'/><frame name='f'/><frame name='f'/>"), "frame 'f' appears twice"),
+        ("<robot>\ud800</robot>", "the description is not XML: "),
+        ("<!DOCTYPE r [<!ENTITY e SYSTEM 'file:///etc/passwd'>]><robot>&e;</robot>", "undefined entity"),
+        (
+            urdf("<link name='a'><inertial><mass value='1 2'/><inertia/></inertial></link>"),
+            "mass of link 'a': ",
+        ),
+        (
+            urdf("<link name='a'><inertial><mass/><inertia/></inertial></link>"),
+            "mass of link 'a': must be a ",
+        ),
         (sdf("<link name='a'/><link name='b'/><link name='a'/>"), "link 'a' appears twice"),
         (urdf(turned("1 0 0 0", "rpy='0 0 0'")), "origin of link 'a': must have rpy or quat_xyzw, not both"),
         (urdf(turned("0 0 1")), "quat_xyzw of link 'a': must be 4 finite numbers, is '0 0 1'"),
@@ -298,6 +312,20 @@ def test_a_file_may_have_any_encoding_that_it_declares(encoding):
 def test_an_encoding_that_cannot_be_read_is_refused(encoding):
     with pytest.raises(ValueError):  # the texts are those of Python
         Description.read(f"<?xml version='1.0' encoding='{encoding}'?>{urdf(link('a', 1.0))}".encode())
+
+
+@pytest.mark.parametrize("text", [None, 5, Path("robot.urdf"), ["<robot/>"]])
+def test_a_description_is_text(text):
+    with pytest.raises(TypeError, match=r"^text: must be the XML as text or bytes, is "):
+        Description.read(text)
+
+
+def test_a_chain_of_links_may_be_long():
+    count = 3000
+    links = (link(f"l{i}", 1.0) for i in range(count))
+    text = urdf(*links, *(joint(f"l{i}", f"l{i + 1}", xyz="1 0 0") for i in range(count - 1)))
+    middle = count // 2
+    assert body_of(text, f"l{middle}").com.x == pytest.approx((count - 1) / 2 - middle, abs=1e-9)
 
 
 @pytest.mark.parametrize("count", [1, 10_000])

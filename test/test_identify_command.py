@@ -82,6 +82,41 @@ def test_invalid_arguments_are_refused_by_the_parser(capsys, options, told):
     assert told in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("option", "told"),
+    [
+        (["--set", "nz=1", "nz=2"], "--set: a name is there twice: nz, nz"),
+        (
+            ["--given", "friction=1", "restitution=1", "friction=1"],
+            "--given: a name is there twice: friction, ",
+        ),
+        (["--within", "-1"], "within: must be at least 0; is -1.0 (INVALID_MODEL)"),
+        (["--within", "nan"], "within: must be finite; is nan (NOT_FINITE)"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused_by_name(tmp_path: Path, capsys, option, told):
+    path = tmp_path / "impacts.csv"
+    path.write_text(TABLE)
+    if "--within" in option:
+        path = recording(tmp_path / "a.rrd", [(1.0, 0.9)] * 3, [])
+    assert main([str(path), *option]) == 1
+    err = capsys.readouterr().err
+    assert err.startswith(f"{path}: {told}") and err.count("\n") == 1
+
+
+@pytest.mark.parametrize("kind", ["missing", "folder", "binary", "empty"])
+@pytest.mark.parametrize("suffix", [".csv", ".rrd"])
+def test_a_file_that_cannot_be_read_is_named_once(tmp_path: Path, capsys, kind, suffix):
+    path = tmp_path / f"impacts{suffix}"
+    if kind == "folder":
+        path.mkdir()
+    elif kind != "missing":
+        path.write_bytes(b"\xff\xfe\0" * 100 if kind == "binary" else b"")
+    assert main([str(path)]) == 1
+    err = capsys.readouterr().err
+    assert err.count(str(path)) == 1 and err.count("\n") == 1
+
+
 @pytest.mark.parametrize("name", ["fit.xyz", "no such folder/fit.png"])
 def test_a_picture_that_cannot_be_written_is_named(tmp_path: Path, capsys, name):
     table, picture = tmp_path / "impacts.csv", tmp_path / name
@@ -196,8 +231,8 @@ def test_missing_components_of_a_quaternion_are_those_of_the_identity(there):
 @pytest.mark.parametrize(
     ("left", "says"),
     [
-        (0, "Failed to read"),
-        (4, "Failed to read"),
+        (0, "Failed to read RRD file at {path}"),
+        (4, "Failed to read RRD file at {path}"),
         (100, "{path} is not complete, "),
         (0.5, "{path} is not complete, "),
         (-1, "{path} is not complete, "),
@@ -209,7 +244,7 @@ def test_a_truncated_recording_is_refused_in_one_line(tmp_path: Path, capsys, le
     path.write_bytes(whole[: left if isinstance(left, int) else int(left * len(whole))])
     assert main([str(path)]) == 1
     err = capsys.readouterr().err
-    assert err.startswith(f"{path}: {says.format(path=path)}") and err.count("\n") == 1
+    assert err.startswith(says.format(path=path)) and err.count("\n") == 1
 
 
 def test_a_table_named_like_a_recording_is_refused_in_one_line(tmp_path: Path, capsys):

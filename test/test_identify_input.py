@@ -13,7 +13,7 @@ import numpy as np
 from measured import READING, falling
 from refusals import refused
 
-from collision_response import Body, Contact, Law, StatusCode, Twist
+from collision_response import Body, Contact, ImpactError, Law, StatusCode, Twist
 from collision_response.identify import Impacts, SphereReadings, compare, identify
 from collision_response.physics.vector import ZERO, Vec3
 
@@ -117,6 +117,7 @@ SPHERE = {"speed": 3.9, "radius": 0.0025, "tables": {"ratio": [(40, 0.8), (50, 0
         *(({"gyration": x}, "gyration") for x in (0.0, -0.4, 0.67, math.nan, math.inf)),
         *(({"errors": {"ratio": x}}, "errors['ratio']") for x in (0.0, -1.0, math.nan, math.inf)),
         ({"errors": {}}, "errors['ratio']"),
+        ({"errors": {"angle": 1.0}}, "errors['ratio']"),
         ({"tables": {}}, "tables"),
         ({"tables": {"ratio": []}}, "tables"),
         ({"tables": {"bounce": [(40, 0.8)]}}, "tables"),
@@ -126,9 +127,67 @@ SPHERE = {"speed": 3.9, "radius": 0.0025, "tables": {"ratio": [(40, 0.8), (50, 0
     ],
 )
 def test_readings_out_of_range_are_refused_by_name(wrong, field):
-    with pytest.raises(ValueError) as refusal:
+    with pytest.raises(ImpactError) as refusal:
         SphereReadings(**(SPHERE | wrong))
-    assert str(refusal.value).startswith(f"{field}: ")
+    assert refusal.value.field == field
+    assert refusal.value.code in (StatusCode.INVALID_TABLE, StatusCode.NOT_FINITE)
+
+
+@pytest.mark.parametrize("wrong", [None, "x", 1.0, True, [1.0], {1.0: None}, np.array(1.0)], ids=repr)
+@pytest.mark.parametrize(
+    ("make", "field"),
+    [
+        (lambda x: {"speed": str(x)}, "speed"),
+        (lambda x: {"gyration": [x]}, "gyration"),
+        (lambda x: {"tables": [x]}, "tables"),
+        (lambda x: {"tables": {"ratio": [x]}}, r"tables\['ratio'\]\[0\]"),
+        (lambda x: {"tables": {"ratio": [(30, 0.5), ("1", x)]}}, r"tables\['ratio'\]\[1\]"),
+        (lambda x: {"errors": [x]}, "errors"),
+        (lambda x: {"errors": {"ratio": [x]}}, r"errors\['ratio'\]"),
+    ],
+)
+def test_readings_of_the_wrong_type_are_refused_by_name(make, field, wrong):
+    with pytest.raises(TypeError, match=f"^{field}: must be "):
+        SphereReadings(**(SPHERE | make(wrong)))
+
+
+REQUESTS = {
+    "bodies_a": [Body.dynamic(1.0, velocity=(0.0, 0.0, -v)) for v in (1.0, 2.0, 3.0)],
+    "bodies_b": [Body.static()] * 3,
+    "contacts": [Contact.of((0, 0, 0), (0, 0, 1))] * 3,
+    "after_a": [Twist(Vec3(0.0, 0.0, v / 2), ZERO) for v in (1.0, 2.0, 3.0)],
+    "after_b": [Twist(ZERO, ZERO)] * 3,
+}
+
+
+@pytest.mark.parametrize("name", REQUESTS)
+def test_sequences_of_impacts_may_be_generators_of_one_length(name):
+    found, expected = Impacts.of(**{key: iter(one) for key, one in REQUESTS.items()}), Impacts.of(**REQUESTS)
+    assert np.array_equal(found.bodies, expected.bodies) and len(found) == 3
+    with pytest.raises(ValueError, match=r"^bodies_a, .*: must be of one length; have \[[23, ]+\]$"):
+        Impacts.of(**REQUESTS | {name: REQUESTS[name][:2]})
+    with pytest.raises(TypeError, match=f"^{name}: must be a sequence, is None"):
+        Impacts.of(**REQUESTS | {name: None})
+
+
+@pytest.mark.parametrize("fit", [identify, compare])
+@pytest.mark.parametrize("wrong", [1.5, True, 10**5000], ids=["1.5", "True", "huge"])
+@pytest.mark.parametrize("name", ["measured", "fit", "given"])
+def test_arguments_of_the_wrong_type_are_refused_by_name(fit, wrong, name):
+    with pytest.raises(TypeError, match=f"^{name}: must be "):
+        fit(**{"measured": falling(1.0, 2.0, 3.0), name: wrong})
+
+
+def test_generators_of_names_and_laws_are_compared_as_lists_are():
+    laws, fit = [Law.COULOMB, Law.ROUTH_STRONGE], ["restitution"]
+    found, expected = (compare(falling(1.0, 2.0, 3.0), x(laws), x(fit), resamples=2) for x in (iter, list))
+    assert str(found) == str(expected)
+
+
+def test_a_name_of_the_wrong_type_is_refused_by_code():
+    for name, value in (("loss", ["linear"]), ("fit", [["friction"]]), ("loss", 10**5000)):
+        with refused(StatusCode.INVALID_MODEL, name):
+            identify(falling(1.0, 2.0, 3.0), **{name: value})
 
 
 @pytest.mark.parametrize("side", ["body_a", "body_b"])

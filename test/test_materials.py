@@ -431,6 +431,13 @@ def test_an_unknown_coefficient_is_refused_by_name(materials, coefficient):
         materials.find(coefficient, "steel", "glass")
 
 
+@pytest.mark.parametrize("name", [None, 304, ["steel"]])
+def test_the_name_of_a_material_is_text(materials, name):
+    for field, names in (("a", (name, "steel")), ("b", ("steel", name))):
+        with pytest.raises(TypeError, match=f"^{field}: must be the name of a material, is "):
+            materials.find("friction", *names)
+
+
 @pytest.mark.parametrize("rule", CombineRule)
 def test_combined_friction_is_finite_or_refused(rule):
     """Only the product of two numbers can exceed both."""

@@ -285,7 +285,16 @@ def test_a_scene_says_which_body_it_does_not_know():
 
 @pytest.mark.parametrize(
     "tolerance",
-    [0.0, -1.0, math.nan, math.inf, 10**400, pytest.param(10**5000, id="5001 digits"), Fraction(-1, 3)],
+    [
+        0.0,
+        -1.0,
+        math.nan,
+        math.inf,
+        10**400,
+        pytest.param(10**5000, id="5001 digits"),
+        Fraction(-1, 3),
+        Fraction(1, 10**400),
+    ],
 )
 def test_an_invalid_tolerance_is_refused(tolerance):
     with refused(StatusCode.INVALID_MODEL, "tolerance", r"^tolerance: must be "):
@@ -296,6 +305,26 @@ def test_an_invalid_tolerance_is_refused(tolerance):
 def test_a_tolerance_of_the_wrong_type_is_refused(tolerance):
     with pytest.raises(TypeError, match=r"^tolerance: must be a real number, is "):
         scene_requirements(BODIES, [], tolerance)
+
+
+def test_what_is_wrong_is_refused_with_the_contact_or_the_body():
+    def survey(body=BODIES["thrown"], contact=RUBBING.contact):
+        names = SceneContact("thrown", "ground", contact)
+        return scene_requirements(BODIES | {"thrown": body}, [CENTRAL, names], 1e-6)
+
+    with refused(StatusCode.INVALID_MASS, "bodies['thrown'].mass"):
+        survey(BODIES["thrown"]._replace(mass=-1.0))
+    with refused(StatusCode.INVALID_COEFFICIENT, "contacts[1].contact.friction"):
+        survey(contact=RUBBING.contact._replace(friction=-1.0))
+    with pytest.raises(TypeError, match=r"^bodies\['thrown'\]\.mass: must be a real number, is "):
+        survey(BODIES["thrown"]._replace(mass="1"))
+    for wrong in (None, "a - b", ("thrown", "ground")):
+        with pytest.raises(TypeError, match=r"^contacts\[1\]: must be a SceneContact, is "):
+            scene_requirements(BODIES, [CENTRAL, wrong], 1e-6)
+    with pytest.raises(TypeError, match=r"^contacts: must be a sequence, is None"):
+        scene_requirements(BODIES, None, 1e-6)
+    with pytest.raises(TypeError, match=r"^bodies: must be a mapping, is "):
+        scene_requirements(list(BODIES.values()), [CENTRAL], 1e-6)
 
 
 @pytest.mark.parametrize("tolerance", [5e-324, 1e-17])

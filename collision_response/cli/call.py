@@ -24,6 +24,7 @@ from ..ros.convert import error_from
 from ..ros.tables import LAYOUTS
 from ..scene.answer import scene_table
 from ..srv import ResolveCollision, ResolveCollisionBatch, ResolveScene
+from ..status import format_value
 from ..strict_yaml import YAMLError, load_yaml
 
 DESCRIPTION = """Sends a request to the node and prints the answer as a table. The request is YAML, as for
@@ -123,9 +124,8 @@ def fill(message: Any, tree: Any, path: str = "") -> None:
     """Write a tree of values by field, as read from YAML, into a message, which errors call ``path``."""
     types = message.get_fields_and_field_types()
     if not isinstance(tree, dict):
-        raise InvalidRequest(
-            f"{path or 'the request'}: must have some of the fields {', '.join(types)}; is {tree!r}"
-        )
+        must = f"must have some of the fields {', '.join(types)}"
+        raise InvalidRequest(f"{path or 'the request'}: {must}; is {format_value(tree)}")
     for name, value in tree.items():
         where = f"{path}.{name}" if path else str(name)
         if name not in types:
@@ -141,7 +141,7 @@ def fill(message: Any, tree: Any, path: str = "") -> None:
 def _value(where: str, name: str, value: Any, default: Any, kind: str) -> Any:
     if isinstance(default, array | list):
         if not isinstance(value, list):
-            raise InvalidRequest(f"{where}: must be a list in brackets, is {value!r}")
+            raise InvalidRequest(f"{where}: must be a list in brackets, is {format_value(value)}")
         item, _, bound = kind.partition("[")[0].removeprefix("sequence<").rstrip(">").partition(", ")
         if bound and len(value) > int(bound):
             raise InvalidRequest(f"{where}: must have {bound} entries at most, has {len(value)}")
@@ -151,13 +151,13 @@ def _value(where: str, name: str, value: Any, default: Any, kind: str) -> Any:
         ]
     if isinstance(default, str):
         if not isinstance(value, str):
-            raise InvalidRequest(f"{where}: must be text, is {value!r}: write it in quotes")
+            raise InvalidRequest(f"{where}: must be text, is {format_value(value)}: write it in quotes")
         if "\0" in value:
             raise InvalidRequest(f"{where}: must have no NUL character, where ROS would cut it off")
         return value
     if isinstance(default, bool):
         if not isinstance(value, bool):
-            raise InvalidRequest(f"{where}: must be true or false, is {value!r}")
+            raise InvalidRequest(f"{where}: must be true or false, is {format_value(value)}")
         return value
     if name in NAMES and isinstance(value, str):
         if value.upper() in NAMES[name]:
@@ -174,7 +174,7 @@ def _value(where: str, name: str, value: Any, default: Any, kind: str) -> Any:
         return int(value)
     except (TypeError, ValueError, OverflowError):
         must = "a number" if isinstance(default, float) else f"{'an' if kind.startswith('i') else 'a'} {kind}"
-        raise InvalidRequest(f"{where}: must be {must}, is {value!r}") from None
+        raise InvalidRequest(f"{where}: must be {must}, is {format_value(value)}") from None
 
 
 def _range(kind: str) -> tuple[int, int]:

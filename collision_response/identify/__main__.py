@@ -63,9 +63,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     if arguments.compare and arguments.plot:
         parser.error("--plot draws one law: not with --compare")
-    law, given = LAWS_BY_NAME[arguments.law], dict(arguments.given)
+    law = LAWS_BY_NAME[arguments.law]
     options = {"kind": arguments.residuals, "loss": arguments.loss, "resamples": arguments.resamples}
     try:
+        given = _by_name("--given", arguments.given)
         measured = read(arguments)
         found: Comparison | Identification = (
             compare(measured, given=given, fit=arguments.fit, **options)
@@ -88,7 +89,8 @@ EXPECTED_ERRORS = ImpactError, ImportError, OSError, ValueError
 
 def _failed(file: object, error: Exception) -> int:
     code = f" ({error.code.name})" if isinstance(error, ImpactError) else ""
-    print(f"{file}: {error}{code}", file=sys.stderr)
+    reason = getattr(error, "strerror", None) or " ".join(str(error).split())  # strerror names no file
+    print((reason if str(file) in reason else f"{file}: {reason}") + code, file=sys.stderr)
     return 1
 
 
@@ -98,14 +100,22 @@ def read(arguments: argparse.Namespace) -> Measurements:
         from .from_recording import read_impacts
 
         return read_impacts(arguments.file, arguments.within)
-    rows, unused = from_table.read_rows(arguments.file, dict(arguments.set))
+    rows, unused = from_table.read_rows(arguments.file, _by_name("--set", arguments.set))
     if unused:
         print(f"{arguments.file}: columns that are left out: {', '.join(unused)}", file=sys.stderr)
     if "incidence" not in rows[0]:
         return from_table.impacts_from_rows(rows)
     if arguments.speed is None or arguments.radius is None:
         raise ValueError("readings of a sphere need --speed, --radius and --errors")
-    return from_table.readings_from_rows(rows, arguments.speed, arguments.radius, dict(arguments.errors))
+    errors = _by_name("--errors", arguments.errors)
+    return from_table.readings_from_rows(rows, arguments.speed, arguments.radius, errors)
+
+
+def _by_name(option: str, pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError(f"{option}: a name is there twice: {', '.join(name for name, _ in pairs)}")
+    return found
 
 
 def _pair(text: str) -> tuple[str, str]:

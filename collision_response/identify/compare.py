@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..arguments import as_list
 from ..model import Law
 from ..status import ImpactError, StatusCode
 from .identification import LAWS, Identification, identify, names_to_fit
@@ -82,8 +83,10 @@ def compare(
         ImpactError: as :func:`~collision_response.identify.identify`, or INVALID_MODEL if there are no laws.
         ImportError: as :func:`~collision_response.identify.identify`.
     """
+    fit, given = as_list("fit", fit), {} if given is None else given
     if laws is None:
-        laws = [law for law in LAWS if names_to_fit(law, fit, given or {})] or LAWS
+        laws = [law for law in LAWS if names_to_fit(law, fit, given)] or LAWS
+    laws = as_list("laws", laws)
     if not laws:
         raise ImpactError(StatusCode.INVALID_MODEL, "laws", "must name a law, is empty")
     fits = {law: identify(measured, law, fit, given, loss=loss, seed=seed, **options) for law in laws}

@@ -14,6 +14,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
+from ..arguments import check_number
 from ..body_conversions import with_com_as_reference
 from ..physics.body import Twist
 from ..physics.vector import Vec3
@@ -42,9 +43,11 @@ def read_impacts(path: Path, within: float) -> Impacts:
 
     Raises:
         ImpactError: INVALID_TABLE if the recording has no impacts, no state received in time after one of
-            them, or the states of several runs. Other codes as ``Impacts.of``.
+            them, or the states of several runs. INVALID_MODEL if ``within`` is negative. Other codes as
+            ``Impacts.of``.
         OSError: if the file cannot be read, or is not a recording of the node.
     """
+    check_number("within", within, 0, math.inf, StatusCode.INVALID_MODEL)
     try:
         impacts = table.read([path])
     except (RuntimeError, ValueError) as error:

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arguments import check_count, check_number
+from ..arguments import as_list, check_count, check_mapping, check_number
 from ..batch.arrays import Array, compared_by_identity
 from ..materials import RANGES as LIMITS
 from ..model import Law
-from ..status import ImpactError, StatusCode
+from ..status import ImpactError, StatusCode, format_value
 from .estimates import Estimate, estimates, undetermined
 from .least_squares import LOSSES, NEGLIGIBLE_SQUARES, PRECISION, RANGES, LeastSquares, residual_unit
 from .measurements import Impacts, Measurements, informative
@@ -79,6 +79,7 @@ class Identification(NamedTuple):
         return "\n".join([*lines, *(f"  note: {note}" for note in self.notes)])
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a square beyond float64 is refused
 def identify(
     measured: Measurements,
     law: Law = Law.COULOMB,
@@ -114,15 +115,17 @@ def identify(
             a coefficient is in ``fit`` twice or in both ``fit`` and ``given``, none is to be fitted, or
             ``resamples`` or ``seed`` is out of range. INVALID_COEFFICIENT if a given coefficient is out of
             range. Other codes if the law cannot answer an impact.
-        TypeError: if ``resamples`` or ``seed`` is not a whole number.
+        TypeError: if ``resamples`` or ``seed`` is not a whole number, or another argument has the wrong type.
         ImportError: if SciPy is not installed.
     """
-    given, kind = dict(given or {}), kind or measured.kinds[0]
+    if not hasattr(measured, "kinds"):
+        raise TypeError(f"measured: must be Impacts or SphereReadings, is {format_value(measured)}")
+    given, kind = {} if given is None else given, kind or measured.kinds[0]
     fit = names_to_fit(law, fit, given)
     _check(measured, law, fit, given, kind, loss, resamples, seed)
     used = _informative_impacts(measured, kind, len(fit))
     unit = residual_unit(used, kind)
-    given = {"restitution": 1.0, "friction": 0.0} | given
+    given = {"restitution": 1.0, "friction": 0.0} | dict(given)
     problem, best = LeastSquares(used, law, fit, given, kind, loss, unit).best()
     resampled = problem.resampled(best.x, resamples, seed)
     coefficients, combination = estimates(problem, best, resampled)
@@ -141,7 +144,8 @@ def identify(
 def names_to_fit(law: Law, fit: Sequence[str], given: Mapping[str, float]) -> tuple[str, ...]:
     """Return the names of the coefficients to fit, which are those in ``fit`` if there are any."""
     usual = ("restitution",) if law is Law.FRICTIONLESS else ("restitution", "friction")
-    return tuple(fit) or tuple(name for name in usual if name not in given)
+    check_mapping("given", given)
+    return tuple(as_list("fit", fit)) or tuple(name for name in usual if name not in given)
 
 
 def _check(
@@ -159,13 +163,14 @@ def _check(
     for field, value, known in (
         ("law", law, LAWS),
         ("kind", kind, measured.kinds),
-        ("loss", loss, LOSSES),
-        *(("fit", name, RANGES) for name in fit),
-        *(("given", name, RANGES) for name in given),
+        ("loss", loss, tuple(LOSSES)),
+        *(("fit", name, tuple(RANGES)) for name in fit),
+        *(("given", name, tuple(RANGES)) for name in given),
     ):
         if value not in known:
             names = ", ".join(str(getattr(one, "name", one)) for one in known)
-            raise ImpactError(StatusCode.INVALID_MODEL, field, f"must be one of {names}; is {value!r}")
+            reason = f"must be one of {names}; is {format_value(value)}"
+            raise ImpactError(StatusCode.INVALID_MODEL, field, reason)
     for field, wrong in (
         ("fit", "" if fit else f"must name a coefficient: {' and '.join(given)} of {law.name} are given"),
         *(("fit", f"has {name} twice") for name in set(fit) if fit.count(name) > 1),

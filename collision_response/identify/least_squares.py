@@ -78,9 +78,8 @@ def residual_unit(measured: Measurements, kind: str) -> float:
         ImpactError: OUT_OF_RANGE if the square of a residual or a measurement is beyond float64.
     """
     off = [measured.residuals(Law.FRICTIONLESS, {"restitution": e}, kind) for e in (0.0, 1.0)]
-    with np.errstate(over="ignore"):
-        squares = sum(float((one**2).sum()) for one in off)
-        largest = squares + float((measured.sizes(kind) ** 2).sum())
+    squares = sum(float((one**2).sum()) for one in off)
+    largest = squares + float((measured.sizes(kind) ** 2).sum())
     if not math.isfinite(largest):
         reason = "a measurement is too large: its square is beyond float64"
         raise ImpactError(StatusCode.OUT_OF_RANGE, "impacts", reason)

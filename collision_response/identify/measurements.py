@@ -7,13 +7,13 @@ about a sphere that strikes a flat target.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
 
-from ..arguments import check_number
+from ..arguments import as_list, check_mapping, check_number
 from ..batch import body_rows, contact_rows, resolve_batch
 from ..batch.arrays import Array
 from ..body_conversions import com_in_world_axes, orientation_of, with_com_as_reference
@@ -24,7 +24,7 @@ from ..physics.body import Body, Twist
 from ..physics.contact import Contact
 from ..physics.vector import Vec3, as_vector
 from ..resolve import resolve
-from ..status import ImpactError, StatusCode
+from ..status import POSITIVE, ImpactError, StatusCode, format_value
 
 CoefficientValues = Mapping[str, float]
 """Values by name: restitution, friction, or a field of :class:`~collision_response.ImpactModel`."""
@@ -134,11 +134,15 @@ class Impacts(Measurements):
             TypeError: if one of them holds something else.
             ValueError: if the sequences have different lengths.
         """
-        n = len(contacts)
+        given = bodies_a, bodies_b, contacts, after_a, after_b
+        names = "bodies_a", "bodies_b", "contacts", "after_a", "after_b"
+        lists = [as_list(name, values) for name, values in zip(names, given, strict=True)]
+        lengths = n, *_ = [len(values) for values in lists]
+        if lengths.count(n) < len(lengths):
+            raise ValueError(f"{', '.join(names)}: must be of one length; have {lengths}")
         tables = np.zeros((BODY.height, 2, n)), np.zeros((CONTACT.height, n)), np.zeros((6, 2, n))
         root = np.zeros((3, 3, 2, n))
-        rows = zip(bodies_a, bodies_b, contacts, after_a, after_b, strict=True)
-        for i, (a, b, contact, twist_a, twist_b) in enumerate(rows):
+        for i, (a, b, contact, twist_a, twist_b) in enumerate(zip(*lists, strict=True)):
             *bodies, contact = _read_request(f"impacts[{i}]", a, b, contact)
             tables[1][:, i] = *contact.position, *contact.normal, contact.restitution, contact.friction
             measured = ("after_a", twist_a), ("after_b", twist_b)
@@ -255,7 +259,7 @@ def _read_request(field: str, body_a: Body, body_b: Body, contact: Contact) -> t
     given = ("body_a", body_a, Body), ("body_b", body_b, Body), ("contact", contact, Contact)
     for name, value, kind in given:
         if not isinstance(value, kind):
-            raise TypeError(f"{field}.{name}: must be a {kind.__name__}, is {value!r}")
+            raise TypeError(f"{field}.{name}: must be a {kind.__name__}, is {format_value(value)}")
     contact = contact._replace(restitution=1.0, friction=0.0)
     try:
         resolve(body_a, body_b, contact)
@@ -273,7 +277,7 @@ def _read_request(field: str, body_a: Body, body_b: Body, contact: Contact) -> t
 def _read_twist(field: str, body: Body, twist: Twist) -> Twist:
     """Return a measured twist with floats. That of an immovable body has no effect."""
     if not isinstance(twist, Twist):
-        raise TypeError(f"{field}: must be a Twist, is {twist!r}")
+        raise TypeError(f"{field}: must be a Twist, is {format_value(twist)}")
     if not body.is_movable():
         return twist
     parts = zip(twist._fields, twist, strict=True)
@@ -349,28 +353,28 @@ class SphereReadings(Measurements):
             gyration: ``I / (m R^2)``, in (0, 2/3]: 0.4 for a solid sphere, 2/3 for a thin shell.
 
         Raises:
-            ValueError: if a table has an unknown name, there are no readings, or a number is out of range.
-                The message starts with the name of the argument.
+            ImpactError: INVALID_TABLE or NOT_FINITE, if a table has an unknown name, there are no readings,
+                or a number is out of range.
+            TypeError: if something has the wrong type.
         """
-        _check_positive("speed", speed)
-        _check_positive("radius", radius)
-        _check_positive("gyration", gyration, SHELL_GYRATION)
-        for name, rows in tables.items():
+        speed, radius = _positive("speed", speed), _positive("radius", radius)
+        self._sphere = speed, radius, _positive("gyration", gyration, SHELL_GYRATION)
+        check_mapping("tables", tables)
+        check_mapping("errors", errors)
+        rows = []
+        for name, readings in tables.items():
             if name not in self.QUANTITIES:
-                raise ValueError(f"tables: {name!r} is none of {', '.join(self.QUANTITIES)}")
-            _check_positive(f"errors[{name!r}]", errors.get(name, 0.0))
-            _check_readings(name, rows)
-        if not any(map(len, tables.values())):
-            raise ValueError("tables: there is no reading in them")
+                reason = f"must be some of {', '.join(self.QUANTITIES)}; one is {format_value(name)}"
+                raise ImpactError(StatusCode.INVALID_TABLE, "tables", reason)
+            if name not in errors:
+                raise ImpactError(StatusCode.INVALID_TABLE, f"errors[{name!r}]", "is missing")
+            error = _positive(f"errors[{name!r}]", errors[name])
+            column = self.QUANTITIES.index(name)
+            rows += [(column, *row, error) for row in _read_readings(name, readings)]
+        if not rows:
+            raise ImpactError(StatusCode.INVALID_TABLE, "tables", "there is no reading in them")
         self.kinds = ("all", *tables) if len(tables) > 1 else tuple(tables)
-        self._rows = np.array(
-            [
-                (self.QUANTITIES.index(name), *row, errors[name])
-                for name, rows in tables.items()
-                for row in rows
-            ]
-        ).T
-        self._sphere = speed, radius, gyration
+        self._rows = np.array(rows).T
         self._impacts = self._spheres(np.radians(self._rows[1]))
 
     def _spheres(self, incidence: Array) -> Impacts:
@@ -427,15 +431,21 @@ class SphereReadings(Measurements):
         return np.asarray(np.where(self.is_measured(kind), numbers, 0.0) / self._rows[3])
 
 
-def _check_positive(field: str, value: float, most: float = math.inf) -> None:
-    if not (0 < value <= most and math.isfinite(value)):
-        limit = "" if most == math.inf else f" and at most {most:.4g}"
-        raise ValueError(f"{field}: must be positive{limit or ' and finite'}, is {value}")
+def _positive(field: str, value: Any, most: float = math.inf) -> float:
+    return check_number(field, value, POSITIVE, most, StatusCode.INVALID_TABLE)
 
 
-def _check_readings(name: str, rows: Sequence[tuple[float, float]]) -> None:
-    for i, (incidence, reading) in enumerate(rows):
-        if not (math.isfinite(incidence) and math.isfinite(reading)):
-            raise ValueError(f"tables[{name!r}][{i}]: must be finite, is {(incidence, reading)}")
-        if name == "ratio" and incidence == 0:
-            raise ValueError(f"tables['ratio'][{i}]: at incidence 0 there is no tangential velocity before")
+def _read_readings(name: str, rows: Iterable[Any]) -> Iterator[tuple[float, float]]:
+    """Yield the angles of incidence and the readings of a table."""
+    for i, row in enumerate(as_list(f"tables[{name!r}]", rows)):
+        field = f"tables[{name!r}][{i}]"
+        try:
+            incidence, reading = row
+        except (TypeError, ValueError):
+            raise TypeError(f"{field}: must be an angle and a reading, is {format_value(row)}") from None
+        finite = partial(check_number, field, least=-math.inf, most=math.inf, code=StatusCode.INVALID_TABLE)
+        numbers = finite(incidence), finite(reading)
+        if name == "ratio" and numbers[0] == 0:
+            reason = "at incidence 0 there is no tangential velocity before"
+            raise ImpactError(StatusCode.INVALID_TABLE, field, reason)
+        yield numbers

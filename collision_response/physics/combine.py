@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from enum import Enum
 from typing import Any
 
-from ..arguments import is_real
+from ..arguments import check_number, is_real, of_one_type
 from ..numbers.operations import Scalar, choose, maximum, minimum, or_one, square_root
-from ..status import format_value
+from ..status import POSITIVE, ImpactError, StatusCode, format_range, format_value
 
 
 class CombineRule(Enum):
@@ -46,19 +47,21 @@ def combine(
 
     Args:
         rule: how to combine them.
-        a, b: the coefficients, >= 0.
+        a, b: the coefficients, >= 0. If all numbers are fractions, so is the result; arrays are combined
+            element by element.
         stiffness_a, stiffness_b: stiffnesses of the two bodies, > 0, used by ENERGETIC; only their ratio
             matters.
 
     Raises:
+        ImpactError: INVALID_COEFFICIENT or NOT_FINITE, if a number is out of range.
         TypeError: if ``rule`` is not a :class:`CombineRule`, or another argument is neither a real number nor
             an array of them.
     """
     check_rule(rule)
     given = {"a": a, "b": b, "stiffness_a": stiffness_a, "stiffness_b": stiffness_b}
-    for name, x in given.items():
-        if not is_real(x):
-            raise TypeError(f"{name}: must be a real number, is {format_value(x)}")
+    numbers = [_checked(name, x, 0 if name in ("a", "b") else POSITIVE) for name, x in given.items()]
+    has_arrays = any(hasattr(x, "shape") for x in numbers)
+    a, b, stiffness_a, stiffness_b = numbers if has_arrays else of_one_type(given)
     if rule is CombineRule.MULTIPLY:
         return a * b
     low, high = minimum(a, b), maximum(a, b)
@@ -89,6 +92,18 @@ def combine(
         lambda: high * square_root(energy / (1 + softer)),
         lambda: maximum(low, high * minimum(one, _hypotenuse(soft, stiff * root_of_softer))),
     )
+
+
+def _checked(field: str, x: Any, least: float) -> Scalar:
+    """Return a number as a float, or an array of numbers."""
+    if not getattr(x, "shape", None):
+        return check_number(field, x, least, math.inf, StatusCode.INVALID_COEFFICIENT)
+    if not is_real(x) or getattr(x.dtype, "kind", "f") == "O":
+        raise TypeError(f"{field}: must be real numbers, is {format_value(x)}")
+    if not ((x >= least) & (x < math.inf)).all():
+        reason = f"must be finite and {format_range(least, math.inf)}, is {format_value(x)}"
+        raise ImpactError(StatusCode.INVALID_COEFFICIENT, field, reason)
+    return x + 0.0  # integers of NumPy overflow
 
 
 def _hypotenuse(x: Scalar, y: Scalar) -> Scalar:

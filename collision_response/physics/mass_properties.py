@@ -4,9 +4,10 @@ For particles of mass ``m`` at ``(x, y, z)`` from their centre of mass,
 
     I_xx = sum m (y^2 + z^2)        I_xy = -sum m x y        and likewise for the other axes.
 
-Solids are homogeneous, with their centre of mass at the origin; masses are in kg, lengths in m. The
-functions for them raise ``ValueError`` if the mass or a size is negative, ``TypeError`` if one is not a
-number, and ``ImpactError`` if they are integers and the inertia is beyond the range of float64.
+Solids are homogeneous, with their centre of mass at the origin; masses are in kg, lengths in m. Fractions
+stay exact, other numbers are floats. All functions raise ``TypeError`` if something is not a number, and
+``ImpactError``, with the name of the argument, if a number is negative or not finite, or a result is beyond
+float64.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from collections.abc import Callable, Iterable
 from functools import wraps
 from typing import Any, NamedTuple, ParamSpec
 
-from ..arguments import as_list, real_number
-from ..numbers.operations import Scalar
+from ..arguments import as_list, of_one_type
+from ..numbers.operations import Scalar, maximum, numbers_in
 from ..status import ImpactError, StatusCode, format_value
 from .tensor import UNIT, Symmetric3
 from .vector import ZERO, Vec3, as_vector
@@ -46,14 +47,15 @@ class Particle(NamedTuple):
 
 
 def _within_float64(solid: Callable[P, MassProperties]) -> Callable[P, MassProperties]:
-    """Raise an ImpactError where Python raises an error as it divides numbers beyond float64."""
+    """Raise an ImpactError where a result is beyond float64."""
 
     @wraps(solid)
     def checked(*args: P.args, **kwargs: P.kwargs) -> MassProperties:
-        try:
-            return solid(*args, **kwargs)
-        except ArithmeticError:
-            raise ImpactError(StatusCode.NOT_FINITE, "inertia", "is beyond float64") from None
+        found = solid(*args, **kwargs)
+        for name, part in found._asdict().items():
+            if not all(x - x == 0 for x in numbers_in(part)):
+                raise ImpactError(StatusCode.NOT_FINITE, name, "is beyond float64")
+        return found
 
     return checked
 
@@ -66,39 +68,44 @@ def of_particles(particles: Iterable[tuple[Scalar, Iterable[Scalar]]]) -> MassPr
         particles: a :class:`Particle`, or a tuple of a mass [kg] and a position [m], for each.
 
     Raises:
-        ValueError: if the sum of the masses is not positive, or there is no particle.
+        ImpactError: INVALID_MASS, if the sum of the masses is not positive, or there is no particle;
+            NOT_FINITE.
         TypeError: if ``particles`` does not hold a mass and a position each, made of real numbers.
     """
-    checked = [_particle(f"particles[{i}]", one) for i, one in enumerate(as_list("particles", particles))]
+    given: dict[str, Any] = {}
+    for i, one in enumerate(as_list("particles", particles)):
+        given |= _particle(f"particles[{i}]", one)
+    numbers = of_one_type(given)
+    checked = [Particle(m, Vec3(*position)) for m, *position in zip(*[iter(numbers)] * 4, strict=True)]
     mass = sum(p.mass for p in checked)
     if not mass > 0:
-        raise ValueError(f"the particles' masses must add up to more than 0, not {mass}")
-    com = sum((p.position * p.mass for p in checked[1:]), checked[0].position * checked[0].mass) / mass
+        reason = f"masses must add up to more than 0, are {format_value(mass, str)}"
+        raise ImpactError(StatusCode.INVALID_MASS, "particles", reason)
+    com = sum((p.position * (p.mass / mass) for p in checked), Vec3(0, 0, 0))
     inertia = UNIT * 0  # of whole numbers: floats would make fractions inexact
     for m, position in checked:
         x, y, z = position - com
         inertia += Symmetric3(
-            m * (y * y + z * z), -m * x * y, -m * x * z, m * (x * x + z * z), -m * y * z, m * (x * x + y * y)
+            _moment(m, y, z), -m * x * y, -m * x * z, _moment(m, x, z), -m * y * z, _moment(m, x, y)
         )
     return MassProperties(mass, com, inertia)
 
 
-def _particle(name: str, given: Any) -> Particle:
+def _particle(name: str, given: Any) -> dict[str, Any]:
+    """Return the four numbers of a particle by name."""
     try:
         mass, position = given
     except (TypeError, ValueError):
         raise TypeError(f"{name}: must be a mass and a position, is {format_value(given)}") from None
-    position = as_vector(f"{name}.position", position)
-    return Particle(
-        real_number(f"{name}.mass", mass), Vec3(*(real_number(f"{name}.position", x) for x in position))
-    )
+    parts = as_vector(f"{name}.position", position)._asdict().items()
+    return {f"{name}.mass": mass} | {f"{name}.position.{axis}": x for axis, x in parts}
 
 
 @_within_float64
 def sphere(mass: Scalar, radius: Scalar) -> MassProperties:
     """A solid sphere."""
     mass, radius = _checked(mass=mass, radius=radius)
-    moment = 2 * mass * radius * radius / 5
+    moment = _moment(mass / 5 * 2, radius)
     return _principal(mass, moment, moment, moment)
 
 
@@ -106,7 +113,7 @@ def sphere(mass: Scalar, radius: Scalar) -> MassProperties:
 def hollow_sphere(mass: Scalar, radius: Scalar) -> MassProperties:
     """A thin spherical shell."""
     mass, radius = _checked(mass=mass, radius=radius)
-    moment = 2 * mass * radius * radius / 3
+    moment = _moment(mass / 3 * 2, radius)
     return _principal(mass, moment, moment, moment)
 
 
@@ -114,40 +121,43 @@ def hollow_sphere(mass: Scalar, radius: Scalar) -> MassProperties:
 def box(mass: Scalar, size: Iterable[Scalar]) -> MassProperties:
     """A solid box with edges ``size = (x, y, z)`` [m] along the axes."""
     sizes = {f"size.{axis}": edge for axis, edge in as_vector("size", size)._asdict().items()}
-    mass, *edges = _checked(mass=mass, **sizes)
-    xx, yy, zz = (edge * edge for edge in edges)
-    return _principal(mass, mass * (yy + zz) / 12, mass * (xx + zz) / 12, mass * (xx + yy) / 12)
+    mass, x, y, z = _checked(mass=mass, **sizes)
+    return _principal(mass, _moment(mass / 12, y, z), _moment(mass / 12, x, z), _moment(mass / 12, x, y))
 
 
 @_within_float64
 def cylinder(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
     """A solid cylinder about the z axis."""
     mass, radius, length = _checked(mass=mass, radius=radius, length=length)
-    transverse = mass * (3 * radius * radius + length * length) / 12
-    return _principal(mass, transverse, transverse, mass * radius * radius / 2)
+    transverse = _moment(mass / 4, radius) + _moment(mass / 12, length)
+    return _principal(mass, transverse, transverse, _moment(mass / 2, radius))
 
 
 @_within_float64
 def capsule(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
     """A solid cylinder about the z axis with a half ball at each end; ``length`` is without them [m]."""
     mass, radius, length = _checked(mass=mass, radius=radius, length=length)
-    total = 3 * length + 4 * radius  # volume of the cylinder and of the ends, over pi r^2 / 3
-    if total == 0:
-        raise ValueError("a capsule must have a radius or a length above 0")
-    middle, ends = mass * 3 * length / total, mass * 4 * radius / total
-    r, h = radius * radius, length * length
-    transverse = middle * (3 * r + h) / 12 + ends * (2 * r / 5 + h / 4 + 3 * length * radius / 8)
-    return _principal(mass, transverse, transverse, middle * r / 2 + ends * 2 * r / 5)
+    size = maximum(radius, length)
+    if size == 0:
+        reason = "or the length of the capsule must be above 0"
+        raise ImpactError(StatusCode.INVALID_INERTIA, "radius", reason)
+    volumes = 3 * (length / size), 4 * (radius / size)  # of the cylinder and of the ends
+    middle, ends = (mass * (volume / sum(volumes)) for volume in volumes)
+    # A half ball has 83/320 m r^2 about its centre of mass, which is at 3/8 r.
+    transverse = _moment(middle / 4 + ends / 320 * 83, radius) + _moment(middle / 12, length)
+    transverse += _moment(ends, length / 2 + radius / 8 * 3)
+    return _principal(mass, transverse, transverse, _moment(middle / 2 + ends / 5 * 2, radius))
 
 
 @_within_float64
 def cone(mass: Scalar, radius: Scalar, height: Scalar) -> MassProperties:
     """A solid cone about the z axis; its base lies height/4 below the centre of mass, its tip above."""
     mass, radius, height = _checked(mass=mass, radius=radius, height=height)
-    transverse = 3 * mass * (4 * radius * radius + height * height) / 80
-    return _principal(mass, transverse, transverse, 3 * mass * radius * radius / 10)
+    transverse = _moment(mass / 20 * 3, radius) + _moment(mass / 80 * 3, height)
+    return _principal(mass, transverse, transverse, _moment(mass / 10 * 3, radius))
 
 
+@_within_float64
 def mesh(mass: Scalar, shape: Any) -> MassProperties:
     """A homogeneous solid bounded by a mesh; axes and origin are those of the mesh.
 
@@ -165,18 +175,21 @@ def mesh(mass: Scalar, shape: Any) -> MassProperties:
             ``is_watertight``, ``is_winding_consistent`` and ``triangles``, an array of shape ``(n, 3, 3)``.
 
     Raises:
-        ValueError: if the mesh is not closed, or is inside out, or the mass is negative.
-        TypeError: if ``shape`` is not a mesh, or the mass not a number.
+        ImpactError: INVALID_INERTIA, if the mesh is not closed, or is inside out.
+        TypeError: if ``shape`` is not a mesh.
     """
     (mass,) = _checked(mass=mass)
     if not all(hasattr(shape, name) for name in ("is_watertight", "is_winding_consistent", "triangles")):
-        raise TypeError(f"shape: must be a mesh of trimesh, is {shape!r}")
+        raise TypeError(f"shape: must be a mesh of trimesh, is {format_value(shape)}")
+    corners = shape.triangles
+    if getattr(corners, "shape", ())[1:] != (3, 3) or corners.dtype.kind not in "iuf":
+        raise TypeError(f"shape.triangles: must be numbers of shape (n, 3, 3), is {format_value(corners)}")
     if not (shape.is_watertight and shape.is_winding_consistent and len(shape.triangles)):
         raise _no_volume()
-    points = shape.triangles.reshape(-1, 3).astype(float)
+    points = corners.reshape(-1, 3).astype(float)
     least = points.min(axis=0)
     middle = least + (points.max(axis=0) - least) / 2
-    size = abs(points - middle).max()  # unit of length: products of lengths could overflow
+    size = float(abs(points - middle).max())  # unit of length: products of lengths could overflow
     if not size > 0:
         raise _no_volume()
     a, b, c = (Vec3(*((points[k::3] - middle) / size).T) for k in range(3))
@@ -195,38 +208,43 @@ def mesh(mass: Scalar, shape: Any) -> MassProperties:
         return float(whole - com[i] * com[j])
 
     xx, yy, zz = (second_moment(i, i) for i in range(3))
-    scale = mass * float(size) * float(size)
     inertia = Symmetric3(
         yy + zz, -second_moment(0, 1), -second_moment(0, 2), xx + zz, -second_moment(1, 2), xx + yy
     )
-    centre = Vec3(*(float(x) + float(size) * offset for x, offset in zip(middle, com, strict=True)))
-    return MassProperties(mass, centre, inertia * scale)
+    centre = Vec3(*(float(x) + size * offset for x, offset in zip(middle, com, strict=True)))
+    return MassProperties(mass, centre, inertia * mass * size * size)
 
 
 LEAST_THICKNESS = 2.0**-44
 """The volume of a mesh is rounding up to this fraction of its surface, in units of its size."""
 
 
-def _no_volume() -> ValueError:
-    return ValueError("the mesh does not enclose a volume: try trimesh's repair.fill_holes and fix_normals")
+def _no_volume() -> ImpactError:
+    reason = "does not enclose a volume: try trimesh's repair.fill_holes and fix_normals"
+    return ImpactError(StatusCode.INVALID_INERTIA, "shape", reason)
 
 
 @_within_float64
 def rod(mass: Scalar, length: Scalar) -> MassProperties:
     """A thin rod along the x axis, without inertia about that axis."""
     mass, length = _checked(mass=mass, length=length)
-    transverse = mass * length * length / 12
+    transverse = _moment(mass / 12, length)
     return _principal(mass, transverse * 0, transverse, transverse)
 
 
-def _checked(**numbers: Scalar) -> list[Scalar]:
+def _moment(mass: Scalar, *lengths: Scalar) -> Scalar:
+    """``mass`` times the sum of squares; multiplied in this order, only the result can be out of range."""
+    return sum(mass * x * x for x in lengths)
+
+
+def _checked(**given: Scalar) -> list[Scalar]:
     """Return the numbers for use in formulas. Raises: as the head of this file says."""
-    # Numbers of Python: small ones of NumPy overflow or lose digits.
-    checked = [real_number(name, x) for name, x in numbers.items()]
-    for name, x in zip(numbers, checked, strict=True):
+    numbers = of_one_type(given)
+    for name, x in zip(given, numbers, strict=True):
         if x < 0:
-            raise ValueError(f"{name}: must be at least 0, is {format_value(x, str)}")
-    return checked
+            code = StatusCode.INVALID_MASS if name == "mass" else StatusCode.INVALID_INERTIA
+            raise ImpactError(code, name, f"must be at least 0, is {format_value(given[name], str)}")
+    return numbers
 
 
 def _principal(mass: Scalar, xx: Scalar, yy: Scalar, zz: Scalar) -> MassProperties:

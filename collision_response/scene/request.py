@@ -105,7 +105,7 @@ def _holds(field: str, number: Any, condition: Callable[[Any], Any]) -> bool:
     try:
         return bool(condition(number))
     except (TypeError, ValueError, ArithmeticError):
-        raise TypeError(f"{field}: must be a real number, is {number!r}") from None
+        raise TypeError(f"{field}: must be a real number, is {format_value(number)}") from None
 
 
 def _as_pair(i: int, pair: Any) -> Pair:

@@ -28,7 +28,7 @@ from ...numbers.operations import (
     square_root,
     varying_as,
 )
-from .dormand_prince import ERROR_5, ORDER_3, STAGES, WEIGHTS, Row
+from .dormand_prince import ERROR_5, ORDER_3, STAGES, WEIGHTS, Row, step_error
 
 EVENT = 2.0**-48
 """How far past the event a step may end, in units of the terms that make up the number of the event."""
@@ -350,10 +350,9 @@ def _try_step(motion: Motion, y: State) -> Trial:
     third = [total(WEIGHTS, i) - total(ORDER_3, i) for i in range(6)]
     scale = maximum(one, (abs(y.P1) + abs(y.P2) + y.Pn) / 4)
     e5, e3 = (_error_norm(e, motion) / scale for e in (fifth, third))
-    square = e5 * e5
-    error = choose(square > 0, lambda: square / square_root(square + 0.01 * e3 * e3), lambda: 0 * e5)
+    error = step_error(e5, e3)
     # NaN is too long, too.
-    ratio = choose(square < 1e6, lambda: error / motion.springs.tolerance, lambda: 1e30 * one)
+    ratio = choose(e5 * e5 < 1e6, lambda: error / motion.springs.tolerance, lambda: 1e30 * one)
     factor = 0.9 / square_root(square_root(square_root(ratio + 1e-6)))
     return Trial(h, end, error, scale, ratio, h * maximum(minimum(factor, 4 * one), 0.2 * one))
 

@@ -7,15 +7,14 @@ For ``y' = f(y)`` and a step ``h``, a row of pairs ``(j, a_j)`` stands for the s
     ORDER_3    y + h sum a_j k_j                               a result of order 3
     ERROR_5    h sum a_j k_j                                   its difference from a result of order 5
 
-The error of the step is estimated from ``e5``, the norm of ``ERROR_5``, and ``e3``, that of the difference
-between ``WEIGHTS`` and ``ORDER_3``, as ``e5^2 / (e5^2 + 0.01 e3^2)^(1/2)``.
-
 Source: Hairer, Norsett & Wanner, *Solving ODEs I*, 1993, section II.5.
 """
 
 from __future__ import annotations
 
 from typing import TypeAlias
+
+from ...numbers.operations import Scalar, choose, square_root
 
 Row: TypeAlias = tuple[tuple[int, float], ...]
 
@@ -60,3 +59,14 @@ ERROR_5 = (
     (8, -0.35032884874997366), (9, 0.3341791187130175), (10, 0.08192320648511571),
     (11, -0.022355307863886294),
 )  # fmt: skip
+
+
+def step_error(e5: Scalar, e3: Scalar) -> Scalar:
+    """Estimate the error of a step: ``e5^2 / (e5^2 + 0.01 e3^2)^(1/2)``.
+
+    Args:
+        e5: norm of ``ERROR_5``.
+        e3: norm of the difference between ``WEIGHTS`` and ``ORDER_3``.
+    """
+    square = e5 * e5
+    return choose(square > 0, lambda: square / square_root(square + 0.01 * e3 * e3), lambda: 0 * e5)

@@ -29,7 +29,7 @@ from ...numbers.operations import (
     square_root,
     values,
 )
-from .dormand_prince import ERROR_5, ORDER_3, STAGES, WEIGHTS, Row
+from .dormand_prince import ERROR_5, ORDER_3, STAGES, WEIGHTS, Row, step_error
 
 STEP_SHARE = 1 / 2
 """The part of the tolerance of the path that each step may use."""
@@ -300,8 +300,7 @@ def step(path: Path, y: TurningSlip) -> TurningSlip:
         abs(t1 * e[1] - t2 * e[0]) + abs(e[2]) / safe_s + c * abs(e[3]) / (u_size * u_size)
         for e in (fifth, third)
     )
-    square = e5 * e5
-    err = choose(square > 0, lambda: CAUTION * square / square_root(square + 0.01 * e3 * e3), lambda: 0 * e5)
+    err = CAUTION * step_error(e5, e3)
     allowed = STEP_SHARE * path.tolerance * maximum(one, m * path.least_eigenvalue() / safe_s)
     ratio = choose((s > 0) & (err < 1e3), lambda: err / minimum(allowed, 1e-3 * one), lambda: 1e30 * one)
     factor = 0.9 / square_root(square_root(square_root(ratio + 1e-6)))
