@@ -122,7 +122,7 @@ def box(mass: Scalar, size: Iterable[Scalar]) -> MassProperties:
     """A solid box with edges ``size = (x, y, z)`` [m] along the axes."""
     sizes = {f"size.{axis}": edge for axis, edge in as_vector("size", size)._asdict().items()}
     mass, x, y, z = _checked(mass=mass, **sizes)
-    return _principal(mass, _moment(mass / 12, y, z), _moment(mass / 12, x, z), _moment(mass / 12, x, y))
+    return _principal(mass, _moment(mass, y, z) / 12, _moment(mass, x, z) / 12, _moment(mass, x, y) / 12)
 
 
 @_within_float64

@@ -50,6 +50,8 @@ class Cones {
   static constexpr double KEPT = 1e-12;  // relative error of N y: no further rounds are needed
   static constexpr double GREATEST_FACTOR = 100, LEAST_FACTOR = 1.2;  // by which rho is raised at once
   static constexpr int MAX_STEPS = 60;
+  // Newton steps for a greater rho. If they are too few, they are lost; double-double has a budget for all.
+  static constexpr int MOST_TURNS = is_scalar<R> ? 200 : 60;
   static constexpr int TRIES = 3;  // of Newton steps that do not reduce the gradient, near the minimum
   static constexpr double SHORTEST = 1e-3;  // part of a Newton step
   // Newton steps of that length: hardly any converge after more, and only double-double takes so long.
@@ -117,7 +119,7 @@ class Cones {
          ++turn) {
       const State before = state();
       const double next = std::fmin(factor * reached, size);
-      if (lagrangian_step(next, none, false, 200)) {  // one that fails would begin anew, with a smaller factor
+      if (lagrangian_step(next, none, false, MOST_TURNS)) {
         reached = next;
         factor = std::fmin(factor * factor, GREATEST_FACTOR);
       } else {
