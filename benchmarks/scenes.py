@@ -19,6 +19,7 @@ import shutil
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -440,7 +441,7 @@ def what_tolerances_cost() -> list[dict[str, float]]:
     for tolerance in TOLERANCES:
         spent = []
         for scene in scenes:
-            run = timed(lambda scene=scene, tolerance=tolerance: resolved(scene, tolerance))
+            run = timed(partial(resolved, scene, tolerance))
             spent.append(min(run(3) for _ in range(ROUNDS)))
         answers = [resolved(scene, tolerance) for scene in scenes]
         found.append(
