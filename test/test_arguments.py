@@ -172,9 +172,17 @@ def test_an_elastic_material_must_be_possible(material):
         with pytest.raises(TypeError, match=f"^{material}: must be an Elastic, is "):
             stiffness_ratio(**given | {material: value})
     wrong = [("poisson_ratio", x) for x in (-1, -1.5, 0.6, Fraction(1, 2) + Fraction(1, 10**30), math.nan)]
-    for field, value in [*wrong, *(("shear_modulus", x) for x in (0, -1.0, -math.inf, math.nan))]:
+    wrong += [("shear_modulus", x) for x in (0, -1.0, -math.inf, math.nan, 10**400)]
+    wrong += [(field, Decimal("nan")) for field in Elastic._fields]
+    for field, value in wrong:
         with refused(StatusCode.INVALID_COEFFICIENT, f"{material}.{field}"):
             stiffness_ratio(**given | {material: given[material]._replace(**{field: value})})
+
+
+def test_an_elastic_material_may_mix_decimals_with_other_numbers():
+    for other in (Elastic(0.25, 2.0), Elastic(Fraction(1, 4), 2), Elastic(Decimal("0.25"), Decimal(2))):
+        ratio = stiffness_ratio(Elastic(Decimal("0.375"), Decimal("0.5")), other)
+        assert ratio == stiffness_ratio(Elastic(0.375, 0.5), Elastic(0.25, 2.0))
 
 
 @pytest.mark.parametrize("rule", CombineRule)

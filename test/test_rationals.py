@@ -110,6 +110,37 @@ def test_friction_that_is_a_function_takes_normals_of_integers_without_a_sign(no
     assert found.contact.friction == expected.contact.friction
 
 
+WITH_A_LONG_DECIMAL = {
+    "body": lambda x: (BOX._replace(velocity=(x, 0, -1)), CORNER, 0),
+    "contact": lambda x: (BOX, Contact.of((x, 0, 0), (0, 0, 1)), 0),
+    "restitution": lambda x: (BOX, CORNER._replace(restitution=x), 0),
+    "friction": lambda x: (BOX, CORNER._replace(friction=x), 0),
+    "threshold": lambda x: (BOX, CORNER, x),
+}
+
+
+@pytest.mark.parametrize("place", WITH_A_LONG_DECIMAL)
+def test_a_decimal_of_too_many_places_for_a_fraction_is_refused(place):
+    """Else it would take minutes: 1e-99999999 has 100 million digits."""
+    for exponent, is_possible in ((-10_000, True), (-10_001, False), (-99_999_999, False)):
+        body, contact, threshold = WITH_A_LONG_DECIMAL[place](Decimal(f"1e{exponent}"))
+        request = [body, FLOOR, contact, ImpactModel(Law.FRICTIONLESS, restitution_threshold=threshold)]
+        if is_possible:
+            assert resolve(*request).error_bound == 0
+            continue
+        with refused(StatusCode.OUT_OF_RANGE, "decimal", "at most 10,000 places"):
+            resolve(*request)
+        with refused(StatusCode.OUT_OF_RANGE, "decimal", "at most 10,000 places"):
+            resolve_scene([body, FLOOR], [(0, 1)], [contact], request[3])
+
+
+def test_zero_and_great_decimals_may_have_any_exponent():
+    for zero in ("0e-99999999", "0e99999999"):
+        assert resolve(BOX, FLOOR, CORNER._replace(friction=Decimal(zero))).impulse.z == F(9, 10)
+    with refused(StatusCode.NOT_FINITE, "contact.friction"):
+        resolve(BOX, FLOOR, CORNER._replace(friction=Decimal("1e99999999")))
+
+
 @pytest.mark.parametrize("great", [F(10) ** 400, 10**400, Decimal("1e400"), np.longdouble("1e400")], ids=repr)
 @pytest.mark.parametrize("field", ["mass", "inertia", "position", "velocity", "angular_velocity", "com"])
 def test_a_number_beyond_float64_is_refused_next_to_fractions(field, great):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from decimal import Decimal
 from fractions import Fraction
 from itertools import islice
 from numbers import Rational
@@ -17,9 +18,13 @@ from ..physics.inverse_inertia import InverseInertia
 from ..physics.orientation import Quaternion
 from ..physics.tensor import Symmetric3
 from ..physics.vector import Vec3
+from ..status import ImpactError, StatusCode, format_value
 
 RIGID_FIELDS = (Symmetric3, Vec3, Quaternion, Vec3, Vec3, Vec3)
 """The types of the fields of a :class:`Body` from ``inertia`` to ``com``."""
+
+MOST_PLACES = 10_000
+"""The most decimal places of a number that becomes a fraction: 1e-99999999 would take minutes."""
 
 
 def read_request(
@@ -75,8 +80,19 @@ def _fractions(kind: type[Any], numbers: Iterable[Any]) -> Any:
 
 
 def as_fraction(x: Any) -> Any:
-    """Convert a number to a fraction, exactly. Infinity and NaN stay floats; beyond float64 it is NaN."""
+    """Convert a number to a fraction, exactly. Infinity and NaN stay floats; beyond float64 it is NaN.
+
+    Raises:
+        ImpactError: OUT_OF_RANGE, for a decimal of more than ``MOST_PLACES`` places.
+    """
     number = of_python(x)
+    if isinstance(number, Decimal) and number:
+        exponent = number.as_tuple().exponent
+        if isinstance(exponent, int) and exponent > MOST_PLACES:  # this takes as long
+            return math.nan
+        if isinstance(exponent, int) and exponent < -MOST_PLACES:
+            limit = f"must have at most {MOST_PLACES:,} places to be computed exactly"
+            raise ImpactError(StatusCode.OUT_OF_RANGE, "decimal", f"{limit}; is {format_value(number, str)}")
     try:
         if isinstance(number, Rational):  # of which the parts may be NumPy's integers, which overflow
             exact = Fraction(int(number.numerator), int(number.denominator))

@@ -15,10 +15,11 @@ Mechanics*, 1985, section 7.2.
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from operator import attrgetter
 from typing import NamedTuple
 
-from ..arguments import real_number
+from ..arguments import is_finite, real_number
 from ..numbers.operations import Scalar
 from ..status import ImpactError, StatusCode, format_value
 
@@ -40,7 +41,7 @@ def stiffness_ratio(a: Elastic, b: Elastic) -> Scalar:
 
     Raises:
         ImpactError: INVALID_COEFFICIENT, if a Poisson's ratio is not in (-1, 1/2] or a modulus is not
-            positive, or if both materials are rigid.
+            positive or beyond float64, or if both materials are rigid.
         TypeError: if a material is not an :class:`Elastic`, or a number of it is not a real number.
     """
     softer, stiffer = sorted((_checked("a", a), _checked("b", b)), key=attrgetter("shear_modulus"))
@@ -56,15 +57,22 @@ def stiffness_ratio(a: Elastic, b: Elastic) -> Scalar:
 def _checked(name: str, material: Elastic) -> Elastic:
     if not isinstance(material, Elastic):
         raise TypeError(f"{name}: must be an Elastic, is {format_value(material)}")
-    nu, G = (real_number(f"{name}.{field}", x) for field, x in material._asdict().items())
+    numbers = material._asdict().items()
+    nu, modulus = (_exact_or_float(real_number(f"{name}.{field}", x)) for field, x in numbers)
+    is_known = is_finite(modulus) or modulus == math.inf
     for field, x, holds, requirement in (
         ("poisson_ratio", nu, -1 < nu <= 0.5, "in (-1, 0.5]"),
-        ("shear_modulus", G, G > 0, "positive"),
+        ("shear_modulus", modulus, modulus > 0 and is_known, "positive, and within float64"),
     ):
         if not holds:
             reason = f"must be {requirement}; is {format_value(x, str)}"
             raise ImpactError(StatusCode.INVALID_COEFFICIENT, f"{name}.{field}", reason)
-    return Elastic(nu, G)
+    return Elastic(nu, modulus)
+
+
+def _exact_or_float(x: Scalar) -> Scalar:
+    """A number that can be computed with any other: a decimal cannot."""
+    return x if isinstance(x, (int, Fraction)) else float(x)
 
 
 METAL_ON_METAL = 14 / 17
