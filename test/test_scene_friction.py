@@ -419,6 +419,31 @@ def test_moreau_where_a_light_ball_strikes_a_heavy_body_that_leaves_walls(power,
     assert off <= 0.625 * 3 * answer.error_bound  # 3: the spin of the ball adds to this velocity
 
 
+@pytest.mark.parametrize("d", [10.0**-k for k in range(3, 13)])
+@pytest.mark.parametrize("tilts", [((0, 0), (1, -1)), ((2, 1), (2, 0)), ((0, 1), (0, -1))])
+@pytest.mark.parametrize("other", [Body.static(), Body.dynamic(1.0)], ids=["wall", "body"])
+def test_moreau_errors_are_within_the_bound_where_normals_are_nearly_parallel(d, tilts, other):
+    """One of two contacts takes the load, as if alone, if the other then separates fast enough."""
+    for mu, e, slip in itertools.product(
+        (0.3, 2.0, 1e3, 1e6), (0.5, 1.0), ((1e-3, 0.0), (0.0, 1e-3), (-1.0, 0.0), (0.5, 1.0))
+    ):
+        body, model = Body.dynamic(1.0, velocity=(*slip, -1.0)), ImpactModel(Law.MOREAU)
+        contacts = [Contact.of((0, 0, 0), (x * d, y * d, 1.0), e, mu) for x, y in tilts]
+        answer = resolve_scene([body, other], [(0, 1)] * 2, contacts, model)
+        errors = []
+        for taking, idle in (contacts, contacts[::-1]):
+            alone = resolve(body, other, taking, model)
+            after, before = alone.twist_a.linear - alone.twist_b.linear, Vec3(*body.velocity)
+            if idle.normal.dot(after) >= -e * idle.normal.dot(before):
+                errors.append(
+                    (answer.changes[0].linear - alone.change_a.linear).norm() / alone.change_a.linear.norm()
+                )
+        if errors and answer.model.law is Law.MOREAU:
+            assert min(errors) <= answer.error_bound + 1e-15, (mu, e, slip)
+            if d > 1e-5 and mu < 1e3:
+                assert answer.error_bound < 1e-4, (mu, e, slip)
+
+
 def test_a_load_with_several_distributions_has_no_bound():
     """A box slides and turns: it may rest on two different triples of its corners, with different spins."""
     scene = box((1, 0.3, -1), (0, 0, 0.3), e=0.5, mu=0.3)

@@ -44,6 +44,17 @@ inline double distance(const Vector& one, const Vector& other) {
   return most;
 }
 
+// How far the normal velocities are from those of the law. `start`: e min(u_n, 0) + u_n.
+inline double rebound_error(const Cones<double>& programme, const Vector& start) {
+  const Vector y = programme.motion();
+  double most = 0;
+  for (size_t i = 0; i < start.size(); ++i) {
+    const double off = start[i] + programme.cones[i].velocity(y.data())[0];
+    most = std::fmax(most, programme.P[i][0] > 0 ? std::fabs(off) : -off);
+  }
+  return most;
+}
+
 constexpr double MOREAU_BUDGET = 2e9;  // multiplications, for shifts to settle: a second or two
 
 // An estimate of the error of the velocities, if one more round changes the shifts by `change`. A round takes shifts at
@@ -53,6 +64,7 @@ constexpr double MOREAU_BUDGET = 2e9;  // multiplications, for shifts to settle:
 // power method.
 inline double shift_error(Cones<double> programme, const Vector& start, const Vector& shift, double change) {
   constexpr double LEAST = 1e-9, WIDER = 30, WIDEST = 1e-3, ROUNDING = 1e-12, FIXED = 1 - 1e-5, UNEVENNESS = 0.6;
+  constexpr double NOISE = 1e-14;  // changes of the shifts that are rounding have no direction
   constexpr int ROUNDS = 20;
   auto round_from = [&](const Vector& by) {
     for (size_t i = 0; i < by.size(); ++i) programme.cones[i].w[0] = start[i] + std::fmax(shift[i] + by[i], 0);
@@ -61,19 +73,20 @@ inline double shift_error(Cones<double> programme, const Vector& start, const Ve
     return shifts_of(programme);
   };
   const Vector zero(shift.size()), here = round_from(zero), y = programme.motion();
-  change = std::fmax(change, ROUNDING) + distance(here, shift);
+  Vector unsettled = here;  // what rounds change most slowly: all else has settled
+  increase(unsettled, -1, shift);
+  const double still = distance(unsettled, zero);
+  change = std::fmax(change, ROUNDING) + still;
   double velocity_change = 0;  // the greatest seen
-  // A direction that differs from contact to contact, in whatever order they are.
-  Vector uneven;
+  // Directions: one as symmetric as the scene, and one that differs from contact to contact, in whatever order they are.
+  Vector even(shift.size(), 1), uneven;
   for (const auto& cone : programme.cones) {
     double sum = 0;
     for (const auto& side : cone.row)
       for (int k = 0; k < 6; ++k) sum += std::sqrt(k + 2.0) * side[0][k];
-    uneven.push_back(std::sin(50 * sum));
+    uneven.push_back(1 + UNEVENNESS * std::sin(50 * sum));
   }
-  auto rate_at = [&](double size, double unevenness) {
-    Vector by;
-    for (double one : uneven) by.push_back(size * (1 + unevenness * one));
+  auto rate_at = [&](double size, Vector by) {
     double rate = 0, last = -1;
     for (int round = 0; round < ROUNDS && std::fabs(rate - last) > 0.01 * (1 - rate); ++round) {
       double now = distance(by, zero);
@@ -91,8 +104,9 @@ inline double shift_error(Cones<double> programme, const Vector& start, const Ve
   };
   for (double size = LEAST; size < WIDEST && programme.multiplications() < MOREAU_BUDGET; size *= WIDER) {
     if (change > size / 2) continue;
-    double nearer = 1 - change / size, rate = rate_at(size, 0);  // in a direction as symmetric as the scene
-    if (rate <= nearer) rate = rate_at(size, UNEVENNESS);  // and in one that is not
+    double nearer = 1 - change / size, rate = rate_at(size, even);
+    if (rate <= nearer) rate = rate_at(size, uneven);
+    if (rate <= nearer && still > NOISE) rate = rate_at(size, unsettled);
     if (rate <= nearer) return 2 * velocity_change;
     if (rate > FIXED) break;
   }
@@ -179,8 +193,8 @@ inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
   for (const Axes& one : programme.P) greatest = std::fmax(greatest, one[0]);
   if (!(change <= std::fmin(10 * SMALLER, 1e-4 * greatest))) return {false};
   for (int i = 0; i < count; ++i) P[i] = in_newton_seconds(programme.P[i], assembly.contacts[i], speed);
-  double error =
-      speed * (motion_error + (assembly.is_locked ? INFINITY : shift_error(programme, start, shift, change)));
+  const double of_shifts = assembly.is_locked ? INFINITY : shift_error(programme, start, shift, change);
+  const double error = speed * (motion_error + rebound_error(programme, start) + of_shifts);
   return with_axis_impulses({true, {}, error}, assembly, P);
 }
 
