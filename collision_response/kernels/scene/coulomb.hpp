@@ -87,7 +87,7 @@ struct LeastWork {
       normal_only[i] = {frictionless.normal[i].h * contacts[i].length, 0, 0};
       before.apply(i, normal_only[i]);
       if (shared.part[i] > 0) loaded.push_back(i);
-      else if (given[i] > 0) left_out += effect_of_friction(i);
+      else if (shared.loads[i] > 0) left_out += effect_of_friction(i);
     }
     mean = mean_inverse_mass(assembly, loaded);
   }
@@ -119,7 +119,7 @@ struct LeastWork {
   double effect_of_friction(int i) const {
     const AssembledContact& contact = assembly.contacts[i];
     const double slip = std::hypot(contact.axes[1].velocity, contact.axes[2].velocity) * contact.length;
-    return std::sqrt(2 * contact.mu * (given[i] / speed) * (slip * contact.scale / speed)) * speed;
+    return std::sqrt(2 * contact.mu * (shared.loads[i] / speed) * (slip * contact.scale / speed)) * speed;
   }
 
   Cones<double> as_cones() const {
