@@ -63,6 +63,9 @@ class Cones {
   Vector kept_velocities;  // c, for each cone; or empty
   double enough = 5e-7;  // error of y: no further rounds are needed, nor steps at a tenth of it
   std::vector<Axes> P, z;  // z: w + B eta
+  // |y| by impulses without friction, of which the greatest is 1. Sigma grows with the slip relative to this: loads of
+  // nearly dependent contacts may be known to few digits, their effect is known to all.
+  double effect_of_loads = 1;
   // A bound on lambda where all contacts stick; empty where no body is heavy. With it, sigma is FIRM_SIGMA, and the error
   // is that from the minimum with N y = c.
   std::vector<double> sticking;
@@ -78,7 +81,7 @@ class Cones {
     slopes.resize(cones.size());
     multipliers.resize(kept_velocities.size());
     for (const Cone<R>& cone : cones)
-      for (const R& w : cone.w) fastest = std::fmax(fastest, std::fabs(high(w)));
+      for (const R& w : cone.w) fastest_slip = std::fmax(fastest_slip, std::fabs(high(w)));
     lay_out_matrix(graph);
   }
 
@@ -170,7 +173,8 @@ class Cones {
       x = trial;
       value = evaluate(x, false);
     }
-    double off = norm(gradient), small = (1e-14 + 2e-16 * rho) * (is_scalar<R> ? 1 : 0x1p-44 * fastest);
+    double off = norm(gradient),
+           small = (1e-14 + 2e-16 * rho) * (is_scalar<R> ? 1 : 0x1p-44 * std::fmax(1, fastest_slip));
     double least = INFINITY;
     int tries = 0, stalls = 0;
     for (int turn = 0; turn < budget && off > small; ++turn) {
@@ -240,7 +244,7 @@ class Cones {
   static constexpr double ROUNDING = Traits<R>::roundoff * 8;
 
   int body_count;
-  double fastest = 1;  // the greatest component of w
+  double fastest_slip = 0;  // the greatest component of w
   Vector x;  // eta, lambda
   Vector multipliers;  // lambda_0
   double rho = 1;  // of the current step
@@ -385,7 +389,7 @@ class Cones {
   double stiffness(const Cone<R>& cone) const {
     const double light = std::fmax(std::fmin(cone.mu, 1 / cone.load) / 10, 1);
     const double sigma = is_firm() ? FIRM_SIGMA : SIGMA;
-    return cone.part * cone.part * cone.part * sigma * fastest * (light * light);
+    return cone.part * cone.part * cone.part * sigma * std::fmax(1, fastest_slip / effect_of_loads) * (light * light);
   }
   double own_step(const Cone<R>& cone) const { return rho * cone.share / (1 + rho * cone.share * cone.give()); }
   static double size_near(const Cone<R>& cone, const Vector& y) {

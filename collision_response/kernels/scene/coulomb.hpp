@@ -48,6 +48,7 @@ inline double error_for_bound(const Assembly& assembly, const Vector& y, double 
   return bound * largest / worst;
 }
 
+constexpr double LEAST_EFFECT_OF_LOADS = 1e-3;  // where bodies jam, loads hardly move them
 constexpr double DEFAULT_TOLERANCE = 1e-6;  // greatest error bound wanted, if none is given
 
 // A bound on the multipliers that keep normal velocities u+ of the contacts `loaded` where all of them stick: for a
@@ -70,9 +71,8 @@ inline Vector sticking_multipliers(const Assembly& assembly, const std::vector<i
 struct LeastWork {
   const Assembly& assembly;
   const ClusterImpulses& frictionless;
-  const Vector& given;  // the loads of these
   const double tolerance;
-  const SharedLoads shared = share_loads(assembly, frictionless.normal, given);
+  const SharedLoads shared = share_loads(assembly, frictionless.normal);
   const double speed = shared.greatest;
   std::vector<int> loaded{};
   double mean = 0;  // of n.K n, for unit normals
@@ -80,8 +80,8 @@ struct LeastWork {
   Motion before{assembly};  // friction
   double left_out = 0;  // bound on the effect of friction where contacts are loaded too little to take part
 
-  LeastWork(const Assembly& assembly, const ClusterImpulses& frictionless, const Vector& given, double tolerance)
-      : assembly(assembly), frictionless(frictionless), given(given), tolerance(tolerance) {
+  LeastWork(const Assembly& assembly, const ClusterImpulses& frictionless, double tolerance)
+      : assembly(assembly), frictionless(frictionless), tolerance(tolerance) {
     const std::vector<AssembledContact>& contacts = assembly.contacts;
     for (int i = 0; i < assembly.count; ++i) {
       normal_only[i] = {frictionless.normal[i].h * contacts[i].length, 0, 0};
@@ -138,6 +138,7 @@ struct LeastWork {
       are_kept = are_kept && !programme.cones.back().is_partial();
     }
     if (has_heavy && are_kept) programme.sticking = sticking_multipliers(assembly, loaded, velocities);
+    programme.effect_of_loads = std::fmax(norm_of(before.y) / speed, LEAST_EFFECT_OF_LOADS);
     programme.prepare();
     return programme;
   }
@@ -163,6 +164,7 @@ struct LeastWork {
                                         contact.length_in<DD>() / speed);
     }
     precise.sticking = programme.sticking;
+    precise.effect_of_loads = programme.effect_of_loads;
     precise.prepare();
     double precise_error = precise.solve_from(programme);
     if (!(precise_error < error_in_doubles)) return error_in_doubles;
@@ -198,10 +200,13 @@ struct LeastWork {
     const double gain = work(after, P) - work(before, normal_only);
     return !(gain - 0x1p-48 * size <= 0);
   }
-  double distance_from_before(const Motion& after) const {
+  double distance_from_before(Motion motion) const {
+    for (size_t k = 0; k < motion.y.size(); ++k) motion.y[k] -= before.y[k];
+    return norm_of(motion.y);
+  }
+  double norm_of(const Vector& y) const {
     double square = 0;
-    for (size_t k = 0; k < after.y.size(); ++k)
-      square += (after.y[k] - before.y[k]) / speed * ((after.y[k] - before.y[k]) / speed);
+    for (double one : y) square += one / speed * (one / speed);
     return std::sqrt(square) * speed;
   }
 
@@ -234,7 +239,6 @@ struct LeastWork {
 // `tolerance`: greatest error bound wanted, or 0.
 inline ClusterImpulses least_work_friction(const Assembly& assembly, const ClusterImpulses& frictionless,
                                            double tolerance) {
-  const Vector given = loads_of(assembly, frictionless.normal);
-  if (!(greatest_of(given) > 0)) return frictionless;
-  return LeastWork(assembly, frictionless, given, tolerance > 0 ? tolerance : DEFAULT_TOLERANCE).resolve();
+  if (!(greatest_of(loads_of(assembly, frictionless.normal)) > 0)) return frictionless;
+  return LeastWork(assembly, frictionless, tolerance > 0 ? tolerance : DEFAULT_TOLERANCE).resolve();
 }

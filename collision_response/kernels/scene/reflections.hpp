@@ -35,7 +35,8 @@ struct Reflections {
     const Projection first = project_from(u, assembly.all_contacts());
     if (first.status != MinimumStatus::FOUND) return {false};
     double e_error;
-    result.restitution = joined_restitution(first, e_error);
+    const DD e = joined_restitution(first, e_error);
+    result.restitution = e.h;
     double error = 0;
     auto inelastic = [&] {
       p = first.q;
@@ -63,7 +64,7 @@ struct Reflections {
     double rounding = add(p, -1, first.q);
     const double by_restitution = assembly.velocity_size(p.data());
     if (e_error > 0 && by_restitution > 0) error += e_error * by_restitution;
-    for (DD& x : p) x = DD{result.restitution, 0} * x;
+    for (DD& x : p) x = e * x;
     result.error = result.restitution * error + (1 - result.restitution) * first.error + rounding +
                    assembly.velocity_size(p.data()) * 0x1p-98;
     result.error += add(p, 1, first.q);
@@ -103,7 +104,7 @@ struct Reflections {
 
   // The restitution of the cluster: sum e u q / sum u q over the contacts that approach, for the q of least norm. For
   // another q, e would depend on the order of the contacts.
-  double joined_restitution(const Projection& first, double& error) const {
+  DD joined_restitution(const Projection& first, double& error) const {
     const std::vector<DD>& q = first.q;
     error = 0;
     double least, most;
@@ -117,12 +118,12 @@ struct Reflections {
       }
       return least >= most;
     };
-    if (are_equal(assembly.all_contacts())) return most;
+    if (are_equal(assembly.all_contacts())) return {most, 0};
     const std::vector<N> after = assembly.velocities(q.data());
     std::vector<int> pressed;  // the others separate, and have no impulse
     for (int i = 0; i < assembly.count; ++i)
       if (!(high(after[i]) > width(after[i]) + first.error / assembly.contacts[i].scale)) pressed.push_back(i);
-    if (are_equal(pressed)) return most;
+    if (are_equal(pressed)) return {most, 0};
     std::vector<DD> shared = q;
     const NullImpulses null = null_impulses(assembly, LEAST_EFFECT);
     const std::vector<std::vector<DD>>& Z = null.basis;
@@ -134,7 +135,7 @@ struct Reflections {
       fastest = std::fmax(fastest, -high(assembly.contacts[i].velocity));
       greatest = std::fmax(greatest, q[i].h);
     }
-    if (!(greatest > 0)) return 0;
+    if (!(greatest > 0)) return {};
     const double unit = power_near(fastest), load = power_near(greatest);
     N above = exact(0.0), below = exact(0.0);
     for (int i : pressed) {
@@ -146,7 +147,7 @@ struct Reflections {
       above = above + work * exact(contact.e);
       below = below + work;
     }
-    if (!(high(below) < 0)) return 0;
+    if (!(high(below) < 0)) return {};
     const N e = above / below;
     // How far the works may be from those for the exact q*:
     //     sum (e_i - e) u_i (q*_i - q_i) = z.A (q* - q) <= sqrt(z.A z) |M^-1 N (q* - q)|    for A z = (e_i - e) u_i
@@ -174,10 +175,10 @@ struct Reflections {
       }
       if (size > 0) doubt += std::fabs(work) / size * (greatest / load) / -high(below);
     }
-    error = width(e) + doubt + 0x1p-53;
+    error = width(e) + doubt;
     // These digits do not tell which contacts carry the load; fractions may.
     if ((depends && is_unique) || !is_known || doubt > 0x1p-30) error = INFINITY;
-    return std::fmin(std::fmax(high(e), 0), 1);
+    return high(e) < 0 ? DD{} : high(e) > 1 ? DD{1, 0} : e.value;
   }
 
   struct Violations {

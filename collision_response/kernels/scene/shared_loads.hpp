@@ -99,18 +99,17 @@ inline Vector relative_loads(const Assembly& assembly, const Vector& loads, doub
 }
 
 struct SharedLoads {
-  Vector loads;
+  Vector loads;  // of contacts that take full part, nearly shared loads where some contact needs them
   double greatest;
   Vector part;  // from 0 to 1
 };
 
-// Share the loads `given` of impulses p.
-inline SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p, const Vector& given) {
+// Share the loads of impulses p.
+inline SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p) {
   constexpr double SMALL = 1e-10, LEAST = 1e-6;  // a load, relative to those of its bodies; a part
   constexpr double NEVER_ROUNDING = 1e-6;  // a load, also relative: from here on, rounding does not decide it
   constexpr double NO_LOAD = 1e-20;  // of a body, relative to the greatest
   const int count = assembly.count;
-  const double greatest = greatest_of(given);
   std::vector<DD> shared = p;
   const NullImpulses null = null_impulses(assembly, LEAST_EFFECT);
   if (!null.basis.empty()) minimise_norm(assembly, shared, false, null.basis, NO_SHARE);
@@ -119,23 +118,30 @@ inline SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& 
     return std::all_of(null.basis.begin(), null.basis.end(),
                        [&](const std::vector<DD>& z) { return std::fabs(z[i].h) < none; });
   };
-  SharedLoads result{loads_of(assembly, shared), 0, Vector(count)};
-  result.greatest = greatest_of(result.loads);
-  const Vector exactly = relative_loads(assembly, result.loads, NO_LOAD * greatest);
+  const Vector loads = loads_of(assembly, shared);
+  const double greatest = greatest_of(loads);
+  SharedLoads result{loads, greatest, Vector(count)};
+  const Vector exactly = relative_loads(assembly, loads, NO_LOAD * greatest);
   std::optional<RoundedLoads> rounded;  // found if needed
-  Vector nearly;  // the same
+  Vector nearly_shared, nearly;  // the same
   for (int i = 0; i < count; ++i) {
     double part = exactly[i] > SMALL;
-    if (exactly[i] < NEVER_ROUNDING && result.loads[i] > 0 && is_independent(i)) {
+    if (exactly[i] < NEVER_ROUNDING && loads[i] > 0 && is_independent(i)) {
       if (!rounded) rounded.emplace(assembly);
-      part = rounded->part_of(i, result.loads[i] / greatest);
+      part = rounded->part_of(i, loads[i] / greatest);
     }
     if (!(part >= 1)) {
       // Sharing gives loads of about SHARING to bodies that have none.
-      if (nearly.empty()) nearly = relative_loads(assembly, share_nearly(assembly, given), SHARING / LEAST * greatest);
+      if (nearly.empty()) {
+        nearly_shared = share_nearly(assembly, loads);
+        nearly = relative_loads(assembly, nearly_shared, SHARING / LEAST * greatest);
+      }
       part = std::fmax(part, nearly[i]);
     }
     result.part[i] = part > LEAST ? std::fmin(part, 1) : 0;
   }
+  // Loads that small differences decide are known to few digits, those that are nearly shared to all.
+  for (int i = 0; i < count && !nearly.empty(); ++i)
+    if (result.part[i] >= 1) result.loads[i] = nearly_shared[i];
   return result;
 }
