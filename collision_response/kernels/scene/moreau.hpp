@@ -30,13 +30,8 @@
 #include "impulses.hpp"
 #include "projection.hpp"
 
-// The shifts mu |u_t| of a solution.
-inline Vector shifts_of(const Cones<double>& programme) {
-  Vector shifts;
-  for (size_t i = 0; i < programme.cones.size(); ++i)
-    shifts.push_back(programme.cones[i].mu * std::hypot(programme.z[i][1], programme.z[i][2]));
-  return shifts;
-}
+constexpr double MOREAU_BUDGET = 2e9;  // multiplications, for shifts to settle: a second or two
+
 // The greatest distance between two components.
 inline double distance(const Vector& one, const Vector& other) {
   double most = 0;
@@ -44,144 +39,177 @@ inline double distance(const Vector& one, const Vector& other) {
   return most;
 }
 
-// How far the normal velocities are from those of the law. `start`: e min(u_n, 0) + u_n.
-inline double rebound_error(const Cones<double>& programme, const Vector& start) {
-  const Vector y = programme.motion();
-  double most = 0;
-  for (size_t i = 0; i < start.size(); ++i) {
-    const double off = start[i] + programme.cones[i].velocity(y.data())[0];
-    most = std::fmax(most, programme.P[i][0] > 0 ? std::fabs(off) : -off);
+// The convex programme for given shifts, and its solution.
+struct ShiftedCones : Cones<double> {
+  Vector start;  // u_n + e min(u_n, 0) of each contact
+
+  // For shifts of 0. Velocities are in units of `speed`.
+  ShiftedCones(const Assembly& assembly, double speed) : Cones<double>(assembly.body_count) {
+    const double mean = mean_inverse_mass(assembly, assembly.all_contacts());
+    for (const AssembledContact& contact : assembly.contacts) {
+      Cone<double> cone = cone_of(contact, contact.axes, speed, mean);
+      cone.mu = std::fmin(cone.mu, GREATEST_IN_ONE_STEP);
+      cone.w[0] += contact.e * std::fmin(cone.w[0], 0);
+      start.push_back(cone.w[0]);
+      cones.push_back(cone);
+    }
+    prepare();
+    solve_from_zero();
+    polish();
   }
-  return most;
+
+  void set(const Vector& shifts) {
+    for (size_t i = 0; i < cones.size(); ++i) cones[i].w[0] = start[i] + shifts[i];
+  }
+  // mu |u_t| of the solution
+  Vector next_shifts() const {
+    Vector shifts;
+    for (size_t i = 0; i < cones.size(); ++i) shifts.push_back(cones[i].mu * std::hypot(z[i][1], z[i][2]));
+    return shifts;
+  }
+  // How far the normal velocities are from those of the law.
+  double rebound_error() const {
+    const Vector y = motion();
+    double most = 0;
+    for (size_t i = 0; i < start.size(); ++i) {
+      const double off = start[i] + cones[i].velocity(y.data())[0];
+      most = std::fmax(most, P[i][0] > 0 ? std::fabs(off) : -off);
+    }
+    return most;
+  }
+  // Solve for other shifts, from the solution at hand. Returns the next ones.
+  Vector round(const Vector& shifts) {
+    set(shifts);
+    if (!lagrangian_step(FIRST_RHO, P, false, 60)) solve_from_zero();
+    polish();
+    return next_shifts();
+  }
+};
+
+// Update shifts, which are 0 at first, until they no longer change. Returns their last change.
+inline double settle(ShiftedCones& programme, Vector& shifts) {
+  constexpr int ROUNDS = 300;
+  constexpr double SETTLED = 1e-12;
+  Vector found = programme.next_shifts(), last_found, last_step;
+  double change = INFINITY, last_change = INFINITY;
+  for (int round = 0; round < ROUNDS && change > SETTLED && programme.multiplications() < MOREAU_BUDGET; ++round) {
+    Vector step = found;
+    increase(step, -1, shifts);
+    change = distance(found, shifts);
+    double leap = 0;
+    if (change > 0.9 * last_change) {
+      // Where the shifts settle slowly, a secant step from the last two rounds (Anderson 1965). Elsewhere that would
+      // magnify rounding.
+      Vector by = step;
+      increase(by, -1, last_step);
+      const double square = dot(by, by);
+      if (square > 0) leap = std::fmin(std::fmax(dot(by, step) / square, -20), 0.5);
+    }
+    for (size_t i = 0; i < shifts.size(); ++i)
+      shifts[i] = std::fmax(round > 0 ? found[i] - leap * (found[i] - last_found[i]) : found[i], 0);
+    last_change = change;
+    last_found = std::move(found);
+    last_step = std::move(step);
+    found = programme.round(shifts);
+  }
+  return change;
 }
 
-constexpr double MOREAU_BUDGET = 2e9;  // multiplications, for shifts to settle: a second or two
+// The neighbourhood of shifts that have settled. A round takes shifts nearby nearer to these, by some rate.
+class SettledShifts {
+ public:
+  SettledShifts(const ShiftedCones& solved, const Vector& shifts)
+      : programme(solved), shifts(shifts), next(round_from(Vector(shifts.size()))), motion(programme.motion()) {}
 
-// An estimate of the error of the velocities, if one more round changes the shifts by `change`. A round takes shifts at
-// a small distance from these nearer to them, by some rate. If it takes them nearer by more than `change`, there is a
-// fixed point within that distance. Where contacts lock, or share a load in several ways, all shifts nearby are fixed
-// points, and the error is unknown: infinite. The rate is that in the direction in which rounds are slowest, by the
-// power method.
-inline double shift_error(Cones<double> programme, const Vector& start, const Vector& shift, double change) {
-  constexpr double LEAST = 1e-9, WIDER = 30, WIDEST = 1e-3, ROUNDING = 1e-12, FIXED = 1 - 1e-5, UNEVENNESS = 0.6;
-  constexpr double NOISE = 1e-14;  // changes of the shifts that are rounding have no direction
-  constexpr int ROUNDS = 20;
-  auto round_from = [&](const Vector& by) {
-    for (size_t i = 0; i < by.size(); ++i) programme.cones[i].w[0] = start[i] + std::fmax(shift[i] + by[i], 0);
-    if (!programme.lagrangian_step(programme.FIRST_RHO, programme.P, false, 60)) programme.solve_from_zero();
-    programme.polish();
-    return shifts_of(programme);
-  };
-  const Vector zero(shift.size()), here = round_from(zero), y = programme.motion();
-  Vector unsettled = here;  // what rounds change most slowly: all else has settled
-  increase(unsettled, -1, shift);
-  const double still = distance(unsettled, zero);
-  change = std::fmax(change, ROUNDING) + still;
-  double velocity_change = 0;  // the greatest seen
-  // Directions: one as symmetric as the scene, and one that differs from contact to contact, in whatever order they are.
-  Vector even(shift.size(), 1), uneven;
-  for (const auto& cone : programme.cones) {
-    double sum = 0;
-    for (const auto& side : cone.row)
-      for (int k = 0; k < 6; ++k) sum += std::sqrt(k + 2.0) * side[0][k];
-    uneven.push_back(1 + UNEVENNESS * std::sin(50 * sum));
+  // An estimate of the error of the velocities, if one more round changes the shifts by `change`: if a round takes
+  // shifts at some distance nearer by more than that, there is a fixed point within that distance.
+  double velocity_error(double change) {
+    constexpr double LEAST = 1e-9, WIDER = 30, WIDEST = 1e-3, ROUNDING = 1e-12, FIXED = 1 - 1e-5, UNEVENNESS = 0.6;
+    constexpr double NOISE = 1e-14;  // changes of the shifts that are rounding have no direction
+    // Directions: one as symmetric as the scene, one that differs from contact to contact, in whatever order they are,
+    // and what rounds change most slowly: all else has settled.
+    const Vector even(shifts.size(), 1);
+    Vector uneven, unsettled = next;
+    for (const Cone<double>& cone : programme.cones) {
+      double sum = 0;
+      for (const auto& side : cone.row)
+        for (int k = 0; k < 6; ++k) sum += std::sqrt(k + 2.0) * side[0][k];
+      uneven.push_back(1 + UNEVENNESS * std::sin(50 * sum));
+    }
+    increase(unsettled, -1, shifts);
+    const double still = distance(next, shifts);
+    change = std::fmax(change, ROUNDING) + still;
+    for (double size = LEAST; size < WIDEST && programme.multiplications() < MOREAU_BUDGET; size *= WIDER) {
+      if (change > size / 2) continue;
+      double nearer = 1 - change / size, rate = rate_at(size, even);
+      if (rate <= nearer) rate = rate_at(size, uneven);
+      if (rate <= nearer && still > NOISE) rate = rate_at(size, unsettled);
+      if (rate <= nearer) return 2 * velocity_change;
+      if (rate > FIXED) break;
+    }
+    return INFINITY;
   }
-  auto rate_at = [&](double size, Vector by) {
+
+ private:
+  ShiftedCones programme;
+  const Vector& shifts;
+  const Vector next, motion;  // after a round from these
+  double velocity_change = 0;  // the greatest seen
+
+  Vector round_from(Vector off) {
+    for (size_t i = 0; i < off.size(); ++i) off[i] = std::fmax(shifts[i] + off[i], 0);
+    return programme.round(off);
+  }
+
+  // The rate at a distance `size`, in the direction in which rounds are slowest, by the power method. It begins in the
+  // direction `off`.
+  double rate_at(double size, Vector off) {
+    constexpr int ROUNDS = 20;
+    const Vector zero(off.size());
     double rate = 0, last = -1;
     for (int round = 0; round < ROUNDS && std::fabs(rate - last) > 0.01 * (1 - rate); ++round) {
-      double now = distance(by, zero);
+      const double now = distance(off, zero);
       if (!(now > 0)) break;
-      for (double& x : by) x *= size / now;
-      by = round_from(by);
-      increase(by, -1, here);
+      for (double& x : off) x *= size / now;
+      off = round_from(off);
+      increase(off, -1, next);
       Vector moved = programme.motion();
-      increase(moved, -1, y);
+      increase(moved, -1, motion);
       velocity_change = std::fmax(velocity_change, std::sqrt(dot(moved, moved)));
       last = rate;
-      rate = distance(by, zero) / size;
+      rate = distance(off, zero) / size;
     }
     return rate;
-  };
-  for (double size = LEAST; size < WIDEST && programme.multiplications() < MOREAU_BUDGET; size *= WIDER) {
-    if (change > size / 2) continue;
-    double nearer = 1 - change / size, rate = rate_at(size, even);
-    if (rate <= nearer) rate = rate_at(size, uneven);
-    if (rate <= nearer && still > NOISE) rate = rate_at(size, unsettled);
-    if (rate <= nearer) return 2 * velocity_change;
-    if (rate > FIXED) break;
   }
-  return INFINITY;
-}
+};
 
 // The impulses of MOREAU with friction, in doubles.
 inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
-  constexpr int ROUNDS = 300;
-  constexpr double SETTLED = 1e-12;  // change of the shifts
   constexpr double SOLVED = 1e-4;  // bound on the error of the velocities: mostly far too large, if they are a solution
   constexpr double SMALLER = 1e-9;  // by which shifts are reduced for more friction
-  int count = assembly.count;
-  std::vector<Axes> P(count);
+  std::vector<Axes> P(assembly.count);
   double speed = 0;
   bool approach = false;
   for (const AssembledContact& contact : assembly.contacts) {
-    approach = approach || contact.axes[0].velocity < 0;
-    bool has_friction = contact.mu > LEAST_FRICTION;  // without friction, the slip may be anything
-    speed = std::fmax(speed, std::hypot(contact.axes[0].velocity, has_friction * contact.axes[1].velocity,
-                                        has_friction * contact.axes[2].velocity) *
-                                 contact.unit());
+    const auto& u = contact.axes;
+    const bool has_friction = contact.mu > LEAST_FRICTION;  // without friction, the slip may be anything
+    const double size = std::hypot(u[0].velocity, has_friction * u[1].velocity, has_friction * u[2].velocity);
+    speed = std::fmax(speed, size * contact.unit());
+    approach = approach || u[0].velocity < 0;
   }
   if (!approach) return with_axis_impulses({}, assembly, P);  // impulses of 0 are a solution
-  const double mean = mean_inverse_mass(assembly, assembly.all_contacts());
-  Cones<double> programme(assembly.body_count);
-  Vector start;
-  for (const AssembledContact& contact : assembly.contacts) {
-    Cone<double> cone = cone_of(contact, contact.axes, speed, mean);
-    cone.mu = std::fmin(cone.mu, GREATEST_IN_ONE_STEP);
-    cone.w[0] += contact.e * std::fmin(cone.w[0], 0);
-    start.push_back(cone.w[0]);
-    programme.cones.push_back(cone);
-  }
-  programme.prepare();
-  programme.solve_from_zero();
-  programme.polish();
-  auto set_shifts = [&](Cones<double>& of, const Vector& shift) {
-    for (int i = 0; i < count; ++i) of.cones[i].w[0] = start[i] + shift[i];
-  };
-  Vector shift(count), step, last_step, last_shift;
-  double change = INFINITY, last_change = INFINITY;
-  for (int round = 0; round < ROUNDS && change > SETTLED && programme.multiplications() < MOREAU_BUDGET; ++round) {
-    const Vector found = shifts_of(programme);
-    step = found;
-    increase(step, -1, shift);
-    change = distance(found, shift);
-    // Where the shifts settle slowly, a secant step from the last two rounds (Anderson 1965). Elsewhere that would
-    // magnify rounding.
-    Vector by;
-    if (round > 0) {
-      by = step;
-      increase(by, -1, last_step);
-    }
-    bool is_slow = change > 0.9 * last_change;
-    last_change = change;
-    double square = dot(by, by),
-           leap = is_slow && square > 0 ? std::fmin(std::fmax(dot(by, step) / square, -20), 0.5) : 0;
-    for (int i = 0; i < count; ++i)
-      shift[i] = std::fmax(round > 0 ? found[i] - leap * (found[i] - last_shift[i]) : found[i], 0);
-    set_shifts(programme, shift);
-    last_shift = found;
-    last_step = step;
-    if (!programme.lagrangian_step(programme.FIRST_RHO, programme.P, false, 60)) programme.solve_from_zero();
-    programme.polish();
-  }
+  ShiftedCones programme(assembly, speed);
+  Vector shifts(assembly.count);
+  double change = settle(programme, shifts);
   // If a load can be shared in several ways, take the one with the most friction, if that can be found as exactly.
-  Cones<double> with_most_friction = programme;
-  Vector smaller = shift;
+  ShiftedCones with_most_friction = programme;
+  Vector smaller = shifts;
   for (double& s : smaller) s *= 1 - SMALLER;
-  set_shifts(with_most_friction, smaller);
+  with_most_friction.set(smaller);
   double motion_error = with_most_friction.solve();
-  if (const double off = distance(shifts_of(with_most_friction), smaller); off <= 10 * SMALLER) {
+  if (const double off = distance(with_most_friction.next_shifts(), smaller); off <= 10 * SMALLER) {
     programme = std::move(with_most_friction);
-    shift = smaller;
+    shifts = smaller;
     change = off;
   } else {
     motion_error = programme.motion_error();
@@ -192,9 +220,9 @@ inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
   double greatest = 0;
   for (const Axes& one : programme.P) greatest = std::fmax(greatest, one[0]);
   if (!(change <= std::fmin(10 * SMALLER, 1e-4 * greatest))) return {false};
-  for (int i = 0; i < count; ++i) P[i] = in_newton_seconds(programme.P[i], assembly.contacts[i], speed);
-  const double of_shifts = assembly.is_locked ? INFINITY : shift_error(programme, start, shift, change);
-  const double error = speed * (motion_error + rebound_error(programme, start) + of_shifts);
+  for (int i = 0; i < assembly.count; ++i) P[i] = in_newton_seconds(programme.P[i], assembly.contacts[i], speed);
+  const double of_shifts = assembly.is_locked ? INFINITY : SettledShifts(programme, shifts).velocity_error(change);
+  const double error = speed * (motion_error + programme.rebound_error() + of_shifts);
   return with_axis_impulses({true, {}, error}, assembly, P);
 }
 
