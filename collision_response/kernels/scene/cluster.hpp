@@ -168,23 +168,25 @@ inline void refuse_path(const char* fault, ClusterResult& result) {
 // ROUTH_STRONGE. The error bound includes the estimate of the error of the path.
 inline void resolve_by_springs(const Assembly& assembly, const ClusterOptions& options, bool has_friction,
                                ClusterResult& result) {
+  const std::vector<AssembledContact>& contacts = assembly.contacts;
   auto separates = [](const AssembledContact& contact) { return contact.axes[0].velocity >= 0; };
-  if (std::all_of(assembly.contacts.begin(), assembly.contacts.end(), separates))
+  auto is_less_elastic = [](const AssembledContact& a, const AssembledContact& b) { return a.e < b.e; };
+  if (std::all_of(contacts.begin(), contacts.end(), separates))
     return apply(assembly, {true, std::vector<DD>(assembly.count)}, true, result);
-  for (int i = 0; i < assembly.count; ++i)
-    if (assembly.contacts[i].e < LEAST_SPRING_RESTITUTION &&
-        (result.faulty < 0 || assembly.contacts[i].e < assembly.contacts[result.faulty].e))
-      result.faulty = i;
-  if (result.faulty >= 0) return refuse_path(TOO_INELASTIC, result);
-  SpringPath path = follow_springs(assembly, options.springs, options.tolerance, has_friction);
-  if (path.fault) return refuse_path(path.fault, result);
-  const double rounding = effect_of(assembly, path.impulses, true).error_bound;
-  path.impulses.error = path.error * assembly.velocity_size(path.impulses.normal.data());
-  apply(assembly, path.impulses, true, result);
-  result.effect.error_bound = path.error + rounding;
+  const auto least = std::min_element(contacts.begin(), contacts.end(), is_less_elastic);
+  if (least->e < LEAST_SPRING_RESTITUTION) {
+    result.faulty = static_cast<int>(least - contacts.begin());
+    return refuse_path(TOO_INELASTIC, result);
+  }
+  auto follow = has_friction ? follow_springs<PathWithFriction> : follow_springs<PathWithoutFriction>;
+  PathAnswer answer = follow(assembly, options.springs, options.tolerance);
+  if (answer.fault) return refuse_path(answer.fault, result);
+  answer.impulses.error = answer.error * assembly.velocity_size(answer.impulses.normal.data());
+  apply(assembly, answer.impulses, true, result);
+  result.effect.error_bound = answer.error + answer.rounding;
   double* energies = result.effect.energies;
-  energies[2] += energies[3] - path.friction_loss;
-  energies[3] = path.friction_loss;
+  energies[2] += energies[3] - answer.friction_loss;
+  energies[3] = answer.friction_loss;
 }
 
 // Apply a law, with its fallbacks:

@@ -11,40 +11,45 @@
 // for Hertz's. For one contact u+ = -e u, for any k and eta. Friction opposes the slip, with at most mu f_i. So a
 // contact loses (1 - e^2) of the work that compresses it, and friction takes its work along the path.
 //
-// Without friction a Runge-Kutta pair of orders 5 and 4 integrates the equation. With friction each step solves for the
-// slip at its end, so that contacts can stick; its order is 2, extrapolated to 3. Steps adapt to an error allowed for
-// each; a step in which a spring turns from loading to unloading, where its rate bends, ends there. The whole path is
-// followed several times, with smaller and smaller errors, and the distance between the last two answers is the estimate
-// of the error.
+// The whole path is followed several times, with smaller and smaller errors allowed in a step, and the distance between
+// the last two answers is the estimate of the error.
 //
 // A contact given twice is twice as stiff. The smaller e is, the more compressions a contact takes to end. Friction may
 // wedge bodies, as in a corner of two walls with mu > 1: then springs stay compressed, and the path has no end.
 //
-// Sources: Liu, Zhao & Brogliato, "Frictionless Multiple Impacts in Multibody Systems. I. Theoretical Framework", Proc.
-// R. Soc. A 464 (2008); Ascher, Ruuth & Spiteri, "Implicit-Explicit Runge-Kutta Methods for Time-Dependent Partial
-// Differential Equations", Appl. Numer. Math. 25 (1997), for the steps with friction.
+// Source: Liu, Zhao & Brogliato, "Frictionless Multiple Impacts in Multibody Systems. I. Theoretical Framework", Proc.
+// R. Soc. A 464 (2008).
 #pragma once
-#include "contact_springs.hpp"
 #include "effect.hpp"
+#include "path_with_friction.hpp"
+#include "path_without_friction.hpp"
 
 // Below this restitution a path takes too many compressions to end.
 constexpr double LEAST_SPRING_RESTITUTION = 0.05;
 constexpr const char* TOO_INELASTIC = "must be at least 0.05 for ROUTH_STRONGE in a cluster";
 
-struct SpringOptions {
-  Vector stiffness{};  // of each contact, in any unit; empty: all are equal
-  double exponent = 1.5;  // eta
-  long work = 0;  // budget of all paths together, roughly in nanoseconds
-};
-
 // The answer of one path, or of the last one.
-struct SpringPath {
+struct PathAnswer {
   ClusterImpulses impulses;
   Vector changes;  // of the twists of the movable bodies
   double friction_loss = 0;  // energy that friction took
-  double error = INFINITY;  // estimate of the relative error of the answer
+  double rounding = 0;  // error bound of the effect of these impulses
+  double error = INFINITY;  // estimate of the relative error of the path
   const char* fault = nullptr;  // why there is no answer
 };
+
+template <class Path>
+PathAnswer answer_of(const Assembly& assembly, const Path& path) {
+  PathAnswer answer{with_axis_impulses({}, assembly, path.in_newton_seconds(path.impulses())), {}};
+  if (!Path::HAS_FRICTION) answer.impulses.tangential.clear();
+  const ImpulseEffect effect = effect_of(assembly, answer.impulses, true);
+  answer.changes = effect.changes;
+  answer.rounding = effect.error_bound;
+  // No loss is negative, by the errors of the path and the rounding of this sum.
+  const double lost = (effect.energies[2] + effect.energies[3]) * (1 - 0x1p-51);
+  answer.friction_loss = std::fmin(std::fmax(path.friction_loss, 0), lost);
+  return answer;
+}
 
 // How far twist changes are from a reference, relative to that, in the norm of error_bound.
 inline double relative_distance(const Assembly& assembly, const Vector& changes, const Vector& reference) {
@@ -58,58 +63,43 @@ inline double relative_distance(const Assembly& assembly, const Vector& changes,
   return distance == 0 ? 0 : size > 0 ? distance / size : INFINITY;
 }
 
-// Follow the springs, more and more exactly. `tolerance`: greatest relative error wanted; 0 for the default.
-inline SpringPath follow_springs(const Assembly& assembly, const SpringOptions& options, double tolerance,
-                                 bool has_friction) {
-  // The error allowed in a step of the first path, relative to the motion; its ratio from each path to the next; and the
-  // estimate of the answer's error at which to stop, if no tolerance is given.
-  double step_error = has_friction ? 1e-2 : 1e-5;
-  const double least_ratio = has_friction ? 1e-1 : 1e-2, enough = has_friction ? 1e-5 : 1e-6;
-  constexpr double FINEST = 1e-13;  // least error allowed in a step
+// Follow the springs, more and more exactly. `wanted`: greatest relative error wanted; 0 for Path::ENOUGH.
+template <class Path>
+PathAnswer follow_springs(const Assembly& assembly, const SpringOptions& options, double wanted) {
+  constexpr double FINEST = 1e-13;  // least error allowed in a step, relative to the motion
   constexpr int LEAST_PATHS = 3;  // two may be close to each other by chance
   constexpr double COARSEST_RATIO = 0.5;  // a path whose error is not smaller by this factor tells nothing new
   // Where a light body rattles between heavy ones, the errors of countless steps damp it, on each of the first paths alike.
   constexpr double LARGEST_SUM = 1;  // of the errors of the steps of a path, relative to the speed
   constexpr double WORST = 0.1;  // greatest error estimate that still counts as an answer
 
-  const Vector stiffness = options.stiffness.empty() ? Vector(assembly.count, 1) : options.stiffness;
-  const double wanted = tolerance > 0 ? tolerance : enough;
+  if (!(wanted > 0)) wanted = Path::ENOUGH;
   long work = options.work;
-  double ratio = least_ratio, change = 0;
-  SpringPath last;
-  for (int paths = 0; step_error >= FINEST && (paths < LEAST_PATHS || last.error > wanted); ++paths) {
-    ContactSprings springs(assembly, options.exponent, stiffness, work);
-    std::vector<Axes> P(assembly.count);
-    Vector p;
-    const bool found = has_friction ? springs.follow_with_friction(step_error, P)
-                                    : springs.follow_without_friction(step_error, p);
-    if (springs.is_wedged) {
-      last.fault = "friction wedges the bodies: springs stay compressed, and their impulses have no end";
-      return last;
+  double tolerance = Path::FIRST_TOLERANCE, ratio = Path::LEAST_RATIO;  // of a step; that of one path to the next
+  double change = 0;
+  PathAnswer last;
+  for (int paths = 0; tolerance >= FINEST && (paths < LEAST_PATHS || last.error > wanted); ++paths) {
+    Path path(assembly, options, tolerance, work);
+    if (!path.follow()) {
+      if (path.is_wedged)
+        last.fault = "friction wedges the bodies: springs stay compressed, and their impulses have no end";
+      break;
     }
-    if (!found) break;  // the budget is spent
-    for (size_t i = 0; i < p.size(); ++i) P[i][0] = p[i];
-    SpringPath path{with_axis_impulses({}, assembly, springs.in_newton_seconds(P)), {}, springs.friction_loss};
-    if (!has_friction) path.impulses.tangential.clear();
-    const ImpulseEffect effect = effect_of(assembly, path.impulses, true);
-    path.changes = effect.changes;
-    // No loss is negative, by the errors of the path and the rounding of this sum.
-    const double lost = (effect.energies[2] + effect.energies[3]) * (1 - 0x1p-51);
-    path.friction_loss = std::fmin(std::fmax(path.friction_loss, 0), lost);
+    PathAnswer found = answer_of(assembly, path);
     if (paths > 0) {
       // A change may be small by chance, so it counts for no less than the one before predicts.
-      change = std::fmax(relative_distance(assembly, last.changes, path.changes), change * ratio);
-      path.error = 2 * change + step_error + springs.rounding;
-      if (!(springs.step_errors <= LARGEST_SUM)) path.error = INFINITY;
+      change = std::fmax(relative_distance(assembly, last.changes, found.changes), change * ratio);
+      found.error = 2 * change + tolerance + path.rounding;
+      if (!(path.step_errors <= LARGEST_SUM)) found.error = INFINITY;
     }
-    last = path;
+    last = std::move(found);
     // The work of a path grows at least with the square root of the refinement: stay within the budget.
-    const double growth = 1.25 * static_cast<double>(work - springs.work) / std::fmax(springs.work, 1);
-    ratio = std::fmax(least_ratio, growth * growth);
+    const double growth = 1.25 * static_cast<double>(work - path.work) / std::fmax(path.work, 1);
+    ratio = std::fmax(Path::LEAST_RATIO, growth * growth);
     if (ratio > COARSEST_RATIO) break;
-    step_error *= ratio;
-    work = springs.work;
+    tolerance *= ratio;
+    work = path.work;
   }
-  if (!(last.error <= WORST)) last.fault = "the path of the impulses did not settle within its budget";
+  if (!last.fault && !(last.error <= WORST)) last.fault = "the path of the impulses did not settle within its budget";
   return last;
 }

@@ -1,0 +1,236 @@
+// The path of ROUTH_STRONGE with friction, by the method (2, 2, 2) of Ascher, Ruuth & Spiteri, "Implicit-Explicit
+// Runge-Kutta Methods for Time-Dependent Partial Differential Equations", Appl. Numer. Math. 25 (1997), of order 2.
+//
+// Springs are compressed by the known velocities (explicit), and friction opposes the slip at the end of each of the
+// two stages (implicit), so that contacts can stick. Comparing one step with two of half its length gives its error,
+// and extrapolates to order 3.
+#pragma once
+#include "contact_springs.hpp"
+
+// The change of the slip of a contact by tangential impulses on it: a symmetric matrix.
+struct SlipMatrix {
+  double c11, c12, c22;
+
+  double trace() const { return c11 + c22; }
+  // The change from the friction impulse `now` to one of size at most `most` that opposes the slip, or nearly does.
+  // v1, v2: the slip now.
+  Axes change(const Axes& now, double most, double v1, double v2) const {
+    const double det = c11 * c22 - c12 * c12;
+    double t1 = now[1], t2 = now[2];
+    if (det > 1e-6 * trace() * trace()) {
+      double s1 = t1 - (c22 * v1 - c12 * v2) / det, s2 = t2 - (c11 * v2 - c12 * v1) / det;
+      if (s1 * s1 + s2 * s2 <= most * most) return {0, s1 - t1, s2 - t2};
+    }
+    for (int turn = 0; turn < 4; ++turn) {
+      double d1 = t1 - now[1], d2 = t2 - now[2];
+      double s1 = t1 - (v1 + c11 * d1 + c12 * d2) / trace(), s2 = t2 - (v2 + c12 * d1 + c22 * d2) / trace();
+      double size = length(s1, s2), fits = size > most ? most / size : 1;
+      t1 = s1 * fits;
+      t2 = s2 * fits;
+    }
+    return {0, t1 - now[1], t2 - now[2]};
+  }
+  // Squares are in range, so this is right. It takes a third of the time of std::hypot.
+  static double length(double a, double b) { return std::sqrt(a * a + b * b); }
+};
+
+struct PathWithFriction : ContactSprings {
+  using ContactSprings::ContactSprings;
+  static constexpr bool HAS_FRICTION = true;
+  static constexpr double FIRST_TOLERANCE = 1e-2, LEAST_RATIO = 1e-1, ENOUGH = 1e-5;  // see follow_springs()
+  static constexpr long SWEEP = 60;  // the cost of one contact in a sweep
+
+  // Whether the path ended within its budget and was not wedged.
+  bool follow() {
+    h = 1e-3;
+    for (int i = 0; i < count; ++i) {
+      slips.push_back({coupling(assembly, i, 1, i, 1), coupling(assembly, i, 1, i, 2), coupling(assembly, i, 2, i, 2)});
+      now.u[i] = now.motion.velocity(i, 0);
+    }
+    while (!all_are_over()) {
+      if (!step(now, h, whole) || !step(now, h / 2, half) || !step(half, h / 2, both)) return false;
+      const double worst = error_of_step();
+      if (!(worst < INFINITY)) return false;
+      double turns = 1, fastest = 0;
+      for (int i = 0; i < count; ++i) {
+        turns = std::fmin(turns, turning_fraction(i, now.x[i], now.u[i], both.u[i]));
+        fastest = std::fmax(fastest, residual_speed(i, both.x[i], both.u[i]));
+      }
+      if (!accepts_step(worst, 3, turns, fastest)) continue;
+      extrapolate();
+      is_wedged = is_held();
+      if (is_wedged) return false;
+    }
+    friction_loss = in_newton_seconds(friction_loss) * unit;
+    return return_to_cones();
+  }
+
+  std::vector<Axes> impulses() const { return now.P; }
+
+ private:
+  struct State {
+    Vector x, u;  // u: normal velocities
+    Motion motion;
+    std::vector<Axes> P, friction;  // friction: forces in the last stage, where the next stage starts its search
+  };
+
+  const double enough = 0.1 * tolerance * speed;  // change of the slip in a sweep: no further sweeps are needed
+  State now{Vector(count), Vector(count), Motion(assembly), std::vector<Axes>(count), std::vector<Axes>(count)};
+  State whole{now}, half{now}, both{now};  // after one step, and after two of half its length
+  Vector load = Vector(count);  // the normal forces
+  std::vector<SlipMatrix> slips;
+  std::vector<int> frictional;  // the contacts that sweeps go over
+
+  double rate_in(const State& state, int i) const { return rate(i, state.x[i], state.u[i]); }
+  bool all_are_over() const {
+    for (int i = 0; i < count; ++i)
+      if (!is_over(i, now.x[i], now.u[i])) return false;
+    return true;
+  }
+
+  // Apply the loads for some time, with friction that opposes the slip at the end of it. Sweeps over the contacts start
+  // from the friction forces in `to`, until they change the slip by no more than `small`. Returns whether they do so
+  // within the budget.
+  bool apply_friction(State& to, double time, double small) {
+    frictional.clear();
+    for (int i = 0; i < count; ++i) {
+      Axes& P = to.friction[i];
+      if (!(load[i] > 0)) {
+        P = {0, 0, 0};
+        continue;
+      }
+      double most = assembly.contacts[i].mu * load[i], size = SlipMatrix::length(P[1], P[2]);
+      double fits = time * (size > most ? most / size : 1);
+      P = {time * load[i], fits * P[1], fits * P[2]};
+      to.motion.apply(i, P);
+      if (most > 0) frictional.push_back(i);
+    }
+    double change = INFINITY;
+    while (change > small && work > 0) {
+      change = 0;
+      for (int i : frictional) {
+        Axes& P = to.friction[i];
+        const Axes by =
+            slips[i].change(P, assembly.contacts[i].mu * P[0], to.motion.velocity(i, 1), to.motion.velocity(i, 2));
+        to.motion.apply(i, by);
+        for (int k = 1; k < 3; ++k) P[k] += by[k];
+        change = std::fmax(change, SlipMatrix::length(by[1], by[2]) * slips[i].trace());
+      }
+      work -= SWEEP * static_cast<long>(frictional.size() + 1);
+    }
+    for (int i = 0; i < count; ++i) {
+      for (double& along : to.friction[i]) along /= time;
+      to.u[i] = to.motion.velocity(i, 0);
+    }
+    work -= SWEEP * count;
+    return change <= small;
+  }
+
+  void compress(State& to, int i, double x) {
+    to.x[i] = std::fmax(x, 0);
+    load[i] = force(i, to.x[i]);
+  }
+  void add_impulses(State& to, double time) const {
+    for (int i = 0; i < count; ++i)
+      for (int k = 0; k < 3; ++k) to.P[i][k] += time * to.friction[i][k];
+  }
+
+  bool step(const State& from, double length, State& to) {
+    static const double g = 1 - std::sqrt(0.5), d = 1 - 0.5 / g;
+    to = from;
+    for (int i = 0; i < count; ++i) compress(to, i, from.x[i] + length * g * rate_in(from, i));
+    if (!apply_friction(to, length * g, enough)) return false;
+    for (size_t k = 0; k < to.motion.y.size(); ++k)
+      to.motion.y[k] = from.motion.y[k] + (to.motion.y[k] - from.motion.y[k]) * (1 - g) / g;
+    add_impulses(to, length * (1 - g));
+    for (int i = 0; i < count; ++i)
+      compress(to, i, from.x[i] + length * (d * rate_in(from, i) + (1 - d) * rate_in(to, i)));
+    if (!apply_friction(to, length * g, enough)) return false;
+    add_impulses(to, length * g);
+    return true;
+  }
+
+  // The error of a step relative to the tolerance.
+  double error_of_step() const {
+    double off = 0, square = 0;
+    for (size_t k = 0; k < both.motion.y.size(); ++k) {
+      double by = both.motion.y[k] - whole.motion.y[k];
+      square += by * by;
+    }
+    for (int i = 0; i < count; ++i) {
+      // Also compare with the trapezoidal rule, which notices a spring that turns after the last stage.
+      double rates = rate_in(now, i) + 2 * rate_in(half, i) + rate_in(both, i);
+      double by_ends = std::fmax(now.x[i] + h / 4 * rates, 0);
+      off = std::fmax(off, std::fmax(std::fabs(both.x[i] - whole.x[i]), std::fabs(both.x[i] - by_ends)));
+      off = std::fmax(off, std::fabs(both.u[i] - whole.u[i]));  // the norm gives little weight to light bodies
+    }
+    return std::fmax(off, std::sqrt(square / mass)) / (3 * tolerance * speed);
+  }
+
+  void extrapolate() {
+    auto extrapolated = [](double fine, double coarse) { return fine + (fine - coarse) / 3; };
+    friction_loss +=
+        extrapolated(work_of_friction(now, half) + work_of_friction(half, both), work_of_friction(now, whole));
+    for (size_t k = 0; k < both.motion.y.size(); ++k)
+      now.motion.y[k] = extrapolated(both.motion.y[k], whole.motion.y[k]);
+    for (int i = 0; i < count; ++i) {
+      now.x[i] = std::fmax(extrapolated(both.x[i], whole.x[i]), 0);
+      now.u[i] = now.motion.velocity(i, 0);
+      for (int k = 0; k < 3; ++k) now.P[i][k] = extrapolated(both.P[i][k], whole.P[i][k]);
+    }
+    now.friction = both.friction;
+  }
+  // The energy that friction takes between two states, by the mean of their slips.
+  double work_of_friction(const State& from, const State& to) const {
+    double sum = 0;
+    for (int i = 0; i < count; ++i)
+      for (int axis = 1; axis < 3; ++axis)
+        if (double by = to.P[i][axis] - from.P[i][axis]; by != 0)
+          sum -= by * (from.motion.velocity(i, axis) + to.motion.velocity(i, axis)) / 2;
+    return sum;
+  }
+
+  // Whether contacts at rest stay compressed for ever, because friction balances the forces of their springs. To find
+  // out, the forces act a million times as long as it takes them to separate the contacts: they must set nothing in
+  // motion.
+  bool is_held() {
+    double greatest = 0;
+    for (int i = 0; i < count; ++i) {
+      load[i] = force(i, now.x[i]);
+      greatest = std::fmax(greatest, load[i]);
+      if (load[i] > 0 && now.motion.speed(i) > slow) return false;
+    }
+    if (!(greatest > 0)) return false;
+    State later = now;
+    const long left = work;
+    work = std::min(left, 1000 * SWEEP * count);  // if friction does not hold, sweeps take longer or never converge
+    const long budget = work;
+    const double size = separating_size(), slowest = mass * size * size;
+    const bool found = apply_friction(later, 1e6 * slowest * speed / greatest, 1e-3 * speed);
+    work += left - budget;
+    for (int i = 0; found && i < count; ++i)
+      if (load[i] > 0 && later.motion.speed(i) > speed) return false;
+    return found;
+  }
+
+  // Extrapolated impulses may pull, or leave the friction cones if contacts can share their friction in several ways.
+  // Then replace them by impulses in the cones that have the same effect. Returns whether these were found within the
+  // budget.
+  bool return_to_cones() {
+    bool are_in_cones = true;
+    Assembly at_rest = assembly;
+    for (int i = 0; i < count; ++i) {
+      load[i] = std::fmax(now.P[i][0], 0);
+      for (auto& axis : at_rest.contacts[i].axes) axis.velocity = 0;
+      const double most = assembly.contacts[i].mu * load[i] * (1 + 0x1p-30);
+      are_in_cones = are_in_cones && now.P[i][0] >= 0 && std::hypot(now.P[i][1], now.P[i][2]) <= most;
+    }
+    if (are_in_cones) return true;
+    now.motion = Motion(at_rest);  // the difference between the effects of the new impulses and of the old ones
+    for (int i = 0; i < count; ++i) now.motion.apply(i, {-now.P[i][0], -now.P[i][1], -now.P[i][2]});
+    now.friction = now.P;
+    const bool found = apply_friction(now, 1, enough);
+    now.P = now.friction;
+    return found;
+  }
+};
