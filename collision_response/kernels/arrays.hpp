@@ -27,7 +27,9 @@ struct Array {
   bool has_int64() const { return is_open() && view.itemsize == 8 && (*view.format == 'l' || *view.format == 'q'); }
   bool is_open() const { return view.obj; }
   template <class T = char> T* at(Py_ssize_t index = 0) const { return static_cast<T*>(view.buf) + index; }
-  char* row(Py_ssize_t index) const { return at(index * view.shape[view.ndim - 1] * view.itemsize); }
+  template <class T = char> T* row(Py_ssize_t index) const {
+    return reinterpret_cast<T*>(at(index * view.shape[view.ndim - 1] * view.itemsize));
+  }
   bool overlaps(const Array& other) const { return at() < other.at(other.view.len) && other.at() < at(view.len); }
 };
 

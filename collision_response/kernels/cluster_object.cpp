@@ -33,9 +33,6 @@ template <class Make> PyObject* listed(size_t count, Make make) {
   for (size_t i = 0; list && i < count; ++i) PyList_SET_ITEM(list, static_cast<Py_ssize_t>(i), make(i));
   return list;
 }
-PyObject* number_list(const Vector& x) {
-  return listed(x.size(), [&x](size_t i) { return PyFloat_FromDouble(x[i]); });
-}
 
 // The fields of an ImpulseEffect of scene/cluster_result.py.
 PyObject* fields_of(const ImpulseEffect& effect, const Cluster& cluster) {
@@ -44,7 +41,8 @@ PyObject* fields_of(const ImpulseEffect& effect, const Cluster& cluster) {
       "NNNNNN(dddd)dNNN", listed(bodies, [&](size_t b) { return make_twist(&effect.changes[6 * b]); }),
       listed(bodies, [&](size_t b) { return make_twist(&effect.twists[6 * b]); }),
       listed(contacts, [&](size_t i) { return make_vec3(&effect.impulses[3 * i]); }),
-      number_list(effect.normal_velocities_before), number_list(effect.normal_velocities_after),
+      listed(contacts, [&](size_t i) { return PyFloat_FromDouble(cluster.assembly.contacts[i].axes[0].velocity); }),
+      listed(contacts, [&](size_t i) { return PyFloat_FromDouble(effect.normal_velocities[i]); }),
       listed(contacts, [&](size_t i) { return Py_NewRef(PyTuple_GET_ITEM(python.regimes, effect.regimes[i])); }),
       effect.energies[0], effect.energies[1], effect.energies[2], effect.energies[3], effect.error_bound,
       PyBool_FromLong(cluster.has_massless_spin), PyBool_FromLong(cluster.has_off_unit_orientation),
@@ -62,26 +60,24 @@ PyObject* resolve_by_law(PyObject* self, PyObject* args) {
       !read_list(stiffness, options.springs.stiffness))
     return nullptr;
   Cluster& cluster = cluster_of(self);
-  Decided decided{given != Py_None};
-  ClusterImpulses normal;
-  if (decided.is_final) {
-    PyObject* list;
+  ClusterImpulses decided;
+  if (given != Py_None) {
+    PyObject* normal;
     Vector p;
     int no_rebound;
-    if (!PyArg_ParseTuple(given, "Odddp", &list, &normal.error, &normal.margin, &normal.restitution, &no_rebound) ||
-        !read_list(list, p))
+    if (!PyArg_ParseTuple(given, "Odddp", &normal, &decided.error, &decided.margin, &decided.restitution,
+                          &no_rebound) ||
+        !read_list(normal, p))
       return nullptr;
-    for (double x : p) normal.normal.push_back({x, 0});
-    normal.no_rebound = no_rebound;
-    if (!p.empty()) {
-      normal.error += cluster.assembly.velocity_size(normal.normal.data()) * 0x1p-53;  // the impulses were rounded
-      decided.normal = &normal;
-    }
+    for (double x : p) decided.normal.push_back({x, 0});
+    decided.no_rebound = no_rebound;
+    // The impulses were rounded.
+    if (!p.empty()) decided.error += cluster.assembly.velocity_size(decided.normal.data()) * 0x1p-53;
   }
   ClusterResult result;
   {
     ReleasedGil released;
-    result = resolve_cluster(cluster, options, decided);
+    result = resolve_cluster(cluster, options, given == Py_None ? nullptr : &decided);
   }
   PyObject* e = result.restitution < 0 ? Py_NewRef(Py_None) : PyFloat_FromDouble(result.restitution);
   return Py_BuildValue("iNdNNNsi", result.code, fields_of(result.effect, cluster), result.margin, e,

@@ -31,18 +31,6 @@ PyObject* find_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
 // are those of batch/resolve_scenes.py, of the right shapes; `results` are the fields of a ScenesResult. Clusters that
 // are left to Python get the status 0, or keep theirs if no cluster is resolved here.
 PyObject* resolve_clusters(PyObject*, PyObject* args) {
-  enum {
-    VELOCITY,
-    ANGULAR_VELOCITY,
-    IMPULSE,
-    REGIME,
-    CLUSTER,
-    STATUS,
-    ERROR_BOUND,
-    MARGIN,
-    ENERGIES,
-    RESULTS = ENERGIES + 4
-  };
   int layout;
   long from, to;
   ClusterOptions options{};
@@ -54,30 +42,10 @@ PyObject* resolve_clusters(PyObject*, PyObject* args) {
                         &PyTuple_Type, &results, &wanted_clusters, &from, &to))
     return nullptr;
   if (!options.is_for_clusters()) Py_RETURN_NONE;
-  Array bodies, pairs, contacts, order, starts, wanted, result[RESULTS];
-  bool open = open_arrays(tables, {&bodies, &pairs, &contacts, &order, &starts}) && wanted.open(wanted_clusters) &&
-              PyTuple_GET_SIZE(results) == RESULTS;
-  for (int i = 0; i < RESULTS; ++i) open = open && (i == CLUSTER || result[i].open(PyTuple_GET_ITEM(results, i), true));
-  if (!open) return PyErr_Format(PyExc_TypeError, "resolve_clusters(): arrays must be contiguous");
-  long n = static_cast<long>(contacts.view.shape[1]);
-  TableClusters clusters{table_layouts[layout]};
-  clusters.bodies = bodies.at<double>();
-  clusters.contacts = contacts.at<double>();
-  clusters.pairs = {pairs.at<std::int64_t>(), pairs.at<std::int64_t>() + n, bodies.view.shape[1]};
-  clusters.count = n;
-  clusters.rows = static_cast<long>(contacts.view.shape[0]);
-  clusters.order = order.at<std::int64_t>();
-  clusters.starts = starts.at<std::int64_t>();
-  clusters.options = options;
-  clusters.limit = bound_limit;
-  clusters.velocity = result[VELOCITY].at<double>();
-  clusters.angular_velocity = result[ANGULAR_VELOCITY].at<double>();
-  clusters.impulse = result[IMPULSE].at<double>();
-  clusters.regime = result[REGIME].at<unsigned char>();
-  clusters.status = result[STATUS].at<unsigned char>();
-  clusters.error_bound = result[ERROR_BOUND].at<double>();
-  clusters.margin = result[MARGIN].at<double>();
-  for (int i = 0; i < 4; ++i) clusters.energy[i] = result[ENERGIES + i].at<double>();
+  TableClusters clusters{table_layouts[layout], options, bound_limit};
+  Array wanted;
+  if (!clusters.open(tables, results) || !wanted.open(wanted_clusters))
+    return PyErr_Format(PyExc_TypeError, "resolve_clusters(): arrays must be contiguous");
   {
     ReleasedGil released;
     for (long i = from; i < to; ++i) clusters.resolve(wanted.at<std::int64_t>()[i]);
@@ -89,18 +57,23 @@ namespace {
 
 // A scene from Python.
 struct SceneRequest {
-  std::vector<std::array<double, BODY>> bodies;
-  std::vector<std::array<double, CONTACT>> contacts;
-  std::vector<std::int64_t> a, b, order, starts, cluster;
-  std::unique_ptr<bool[]> movable;
-  std::vector<char> has_contact;  // for each body
+  PyObject *given_bodies, *given_pairs, *given_contacts;  // tuples
+  std::vector<std::array<double, BODY>> bodies{};
+  std::vector<std::array<double, CONTACT>> contacts{};
+  std::vector<std::int64_t> a{}, b{}, order{}, starts{}, cluster{};  // see ContactPairs, divide_into_clusters()
+  std::unique_ptr<bool[]> movable{};
+  std::vector<char> has_contact{};  // for each body
   long clusters = 0;
   bool has_friction = false;
 
-  // Read a scene. False for anything unusual: a number that is no float, an articulated body, a wrong index.
-  bool read(PyObject* body_list, PyObject* pair_list, PyObject* contact_list) {
-    long n = PyTuple_GET_SIZE(contact_list), of_bodies = PyTuple_GET_SIZE(body_list);
-    if (PyTuple_GET_SIZE(pair_list) != n) return false;
+  ContactPairs pairs() const { return {a.data(), b.data(), static_cast<std::int64_t>(bodies.size())}; }
+  void copy_body(std::int64_t i, double* x) const { std::copy(bodies[i].begin(), bodies[i].end(), x); }
+  void copy_contact(std::int64_t k, double* x) const { std::copy(contacts[k].begin(), contacts[k].end(), x); }
+
+  // Read the scene. False for anything unusual: a number that is no float, an articulated body, a wrong index.
+  bool read() {
+    const long n = PyTuple_GET_SIZE(given_contacts), of_bodies = PyTuple_GET_SIZE(given_bodies);
+    if (PyTuple_GET_SIZE(given_pairs) != n) return false;
     bodies.resize(of_bodies);
     contacts.resize(n);
     for (auto* numbers : {&a, &b, &order, &cluster}) numbers->resize(n);
@@ -108,27 +81,25 @@ struct SceneRequest {
     movable.reset(new bool[of_bodies]);
     has_contact.resize(of_bodies);
     for (long i = 0; i < of_bodies; ++i) {
-      PyObject* body = PyTuple_GET_ITEM(body_list, i);
+      PyObject* body = PyTuple_GET_ITEM(given_bodies, i);
       if (Py_TYPE(body) != python.body || PyTuple_GET_ITEM(body, BODY_FIELD_INVERSE_INERTIA) != Py_None ||
           !read_body(body, bodies[i].data()))
         return false;
       movable[i] = bodies[i][BODY_MASS] < INFINITY;
     }
     for (long k = 0; k < n; ++k) {
-      PyObject* contact = PyTuple_GET_ITEM(contact_list, k);
+      PyObject* contact = PyTuple_GET_ITEM(given_contacts, k);
       std::int64_t pair[2];
       if (Py_TYPE(contact) != python.contact ||
           PyTuple_GET_ITEM(contact, CONTACT_FIELD_TANGENTIAL_RESTITUTION) != Py_None ||
-          !read_contact(contact, contacts[k].data()))
+          !read_contact(contact, contacts[k].data()) || !read_pair(PyTuple_GET_ITEM(given_pairs, k), of_bodies, pair))
         return false;
-      if (!read_pair(PyTuple_GET_ITEM(pair_list, k), of_bodies, pair)) return false;
       a[k] = pair[0];
       b[k] = pair[1];
       has_contact[a[k]] = has_contact[b[k]] = 1;
       has_friction = has_friction || contacts[k][CONTACT_FRICTION] > 0;
     }
-    clusters = divide_into_clusters({a.data(), b.data(), of_bodies}, n, movable.get(), order.data(), starts.data(),
-                                    cluster.data());
+    clusters = divide_into_clusters(pairs(), n, movable.get(), order.data(), starts.data(), cluster.data());
     return clusters > 0;
   }
 };
@@ -136,20 +107,11 @@ struct SceneRequest {
 // The answer for a scene, put together cluster by cluster: see SceneImpact.
 class SceneAnswer {
  public:
-  SceneAnswer(const SceneRequest& scene, PyObject* given_bodies, PyObject* given_contacts, PyObject* model,
-              const Plan& plan, const ClusterOptions& options)
-      : scene(scene),
-        bodies(given_bodies),
-        contacts(given_contacts),
-        model(model),
-        plan(plan),
-        options(options),
-        law(options.law),
-        place(scene.bodies.size(), -1) {
-    auto bodies = static_cast<Py_ssize_t>(scene.bodies.size()),
-         contacts = static_cast<Py_ssize_t>(scene.contacts.size());
+  SceneAnswer(const SceneRequest& scene, PyObject* model, const Plan& plan, const ClusterOptions& options)
+      : scene(scene), model(model), plan(plan), options(options), law(options.law), place(scene.bodies.size(), -1) {
+    const std::size_t of_bodies = scene.bodies.size(), of_contacts = scene.contacts.size();
     for (int i = 0; i < COLUMNS; ++i)
-      column[i] = PyTuple_New(i == CLUSTERS ? scene.clusters : i == TWISTS || i == CHANGES ? bodies : contacts);
+      column[i] = PyTuple_New(i < CONTACTS ? of_bodies : i < CLUSTERS ? of_contacts : scene.clusters);
   }
   SceneAnswer(const SceneAnswer&) = delete;
   ~SceneAnswer() {
@@ -161,11 +123,12 @@ class SceneAnswer {
     for (PyObject* one : column)
       if (!one) return false;
     for (long c = 0; c < scene.clusters; ++c) {
-      long from = static_cast<long>(scene.starts[c]), to = static_cast<long>(scene.starts[c + 1]);
-      if (!(to - from == 1 ? resolve_single_contact(scene.order[from]) : resolve_contacts(from, to))) return false;
-      PyObject* indices = PyTuple_New(to - from);
+      const std::int64_t *first = scene.order.data() + scene.starts[c],
+                         *last = scene.order.data() + scene.starts[c + 1];
+      if (!(last - first == 1 ? resolve_single_contact(*first) : resolve_contacts(first, last))) return false;
+      PyObject* indices = PyTuple_New(last - first);
       if (!indices) return false;
-      for (long i = from; i < to; ++i) PyTuple_SET_ITEM(indices, i - from, PyLong_FromLongLong(scene.order[i]));
+      for (auto k = first; k != last; ++k) PyTuple_SET_ITEM(indices, k - first, PyLong_FromLongLong(*k));
       PyTuple_SET_ITEM(column[CLUSTERS], c, indices);
     }
     for (std::size_t i = 0; i < scene.bodies.size(); ++i)
@@ -185,10 +148,11 @@ class SceneAnswer {
   }
 
  private:
-  enum { CONTACTS, TWISTS, CHANGES, IMPULSES, BEFORE, AFTER, REGIMES, CLUSTERS, COLUMNS };
+  // One entry for each body in the first two, for each cluster in the last, for each contact in the others.
+  enum { TWISTS, CHANGES, CONTACTS, IMPULSES, BEFORE, AFTER, REGIMES, CLUSTERS, COLUMNS };
 
   const SceneRequest& scene;
-  PyObject *bodies, *contacts, *model;
+  PyObject* model;
   const Plan& plan;
   const ClusterOptions& options;
   PyObject* column[COLUMNS];
@@ -222,8 +186,10 @@ class SceneAnswer {
 
   // A cluster of one contact is an ordinary impact.
   bool resolve_single_contact(std::int64_t k) {
-    PyObject* contact = PyTuple_GET_ITEM(contacts, k);
-    PyObject* request[] = {PyTuple_GET_ITEM(bodies, scene.a[k]), PyTuple_GET_ITEM(bodies, scene.b[k]), contact};
+    const std::int64_t pair[] = {scene.a[k], scene.b[k]};
+    PyObject* contact = PyTuple_GET_ITEM(scene.given_contacts, k);
+    PyObject* request[] = {PyTuple_GET_ITEM(scene.given_bodies, pair[0]), PyTuple_GET_ITEM(scene.given_bodies, pair[1]),
+                           contact};
     OneImpact impact;
     if (compute_one_impact(request, plan, impact) != ANSWERED) {
       PyErr_Clear();  // Python raises it again, and names the fields of the scene
@@ -231,7 +197,6 @@ class SceneAnswer {
     }
     const ImpactResult& result = impact.result;
     if (!(result.error_bound <= plan.target_bound)) return false;
-    const std::int64_t pair[] = {scene.a[k], scene.b[k]};
     for (int side = 0; side < 2; ++side)
       if (scene.movable[pair[side]]) put_body(pair[side], result.twist_after(side), result.twist_change(side));
     int regime = static_cast<int>(result.reported[OUT_REGIME]);
@@ -242,38 +207,30 @@ class SceneAnswer {
     return true;
   }
 
-  // Resolve the cluster of the contacts order[from:to].
-  bool resolve_contacts(long from, long to) {
+  bool resolve_contacts(const std::int64_t* first, const std::int64_t* last) {
     const bool is_full_geometry = plan.geometry == GEOMETRY_AUTO || plan.geometry == GEOMETRY_SPATIAL;
     // ROUTH_STRONGE may take a second, and Python says why it has no answer.
     if (!is_full_geometry || !options.is_for_clusters() || options.law == LAW_ROUTH_STRONGE) return false;
-    auto read_body = [this](std::int64_t i, double* x) {
-      std::copy(scene.bodies[i].begin(), scene.bodies[i].end(), x);
-    };
-    auto read_contact = [this](std::int64_t k, double* x) {
-      std::copy(scene.contacts[k].begin(), scene.contacts[k].end(), x);
-    };
-    std::vector<std::int64_t> used;
-    ClusterParts parts = take_parts({scene.a.data(), scene.b.data(), 0}, &scene.order[from], &scene.order[0] + to,
-                                    place, used, read_body, read_contact);
+    const ClusterParts parts = take_parts(scene, scene.pairs(), first, last, place);
     if (parts.has_copies()) return false;
     Cluster cluster(parts, options.law == LAW_FRICTIONLESS);
     if (cluster.fault) return false;
     const ClusterResult result = resolve_cluster(cluster);
     if (result.code != STATUS_OK) return false;
     const ImpulseEffect& effect = result.effect;
-    for (std::size_t i = 0; i < used.size(); ++i) {
-      int movable = cluster.movable_place[i];
-      if (movable >= 0) put_body(used[i], &effect.twists[6 * movable], &effect.changes[6 * movable]);
-    }
-    for (long i = 0; i < to - from; ++i) {
-      std::int64_t k = scene.order[from + i];
-      const auto& given = scene.contacts[k];
-      double e = result.restitution < 0 ? cluster.assembly.contacts[i].e : result.restitution;
-      PyObject* contact = contact_as_used(PyTuple_GET_ITEM(contacts, k), e, e != given[CONTACT_RESTITUTION],
+    for (std::size_t i = 0; i < parts.indices.size(); ++i)
+      if (const int movable = cluster.movable_place[i]; movable >= 0)
+        put_body(parts.indices[i], &effect.twists[6 * movable], &effect.changes[6 * movable]);
+    for (auto k = first; k != last; ++k) {
+      const long i = k - first;
+      const auto& given = scene.contacts[*k];
+      const AssembledContact& used = cluster.assembly.contacts[i];
+      const double e = result.restitution < 0 ? used.e : result.restitution;
+      PyObject* contact = contact_as_used(PyTuple_GET_ITEM(scene.given_contacts, *k), e,
+                                          e != given[CONTACT_RESTITUTION],
                                           options.law == LAW_FRICTIONLESS && given[CONTACT_FRICTION] != 0);
-      put_contact(k, contact, &effect.impulses[3 * i], effect.normal_velocities_before[i],
-                  effect.normal_velocities_after[i], effect.regimes[i]);
+      put_contact(*k, contact, &effect.impulses[3 * i], used.axes[0].velocity, effect.normal_velocities[i],
+                  effect.regimes[i]);
     }
     // The law is read only if this one fell back.
     put_cluster(effect.energies, effect.error_bound, adjustments_of(cluster, result),
@@ -339,11 +296,10 @@ PyObject* resolve_scene(PyObject*, PyObject* const* args, Py_ssize_t count) {
     lists[i].reset(PySequence_Tuple(args[i]));
     if (!lists[i]) return nullptr;
   }
-  PyObject *bodies = lists[0].get(), *pairs = lists[1].get(), *contacts = lists[2].get();
-  SceneRequest scene;
-  if (!scene.read(bodies, pairs, contacts)) Py_RETURN_NONE;
+  SceneRequest scene{lists[0].get(), lists[1].get(), lists[2].get()};
+  if (!scene.read()) Py_RETURN_NONE;
   options.law = scene.has_friction ? plan.law_with_friction : plan.law_without_friction;
-  SceneAnswer answer(scene, bodies, contacts, args[3], plan, options);
+  SceneAnswer answer(scene, args[3], plan, options);
   if (answer.resolve()) return answer.fields();
   return PyErr_Occurred() ? nullptr : Py_NewRef(Py_None);
 }

@@ -28,12 +28,6 @@ inline int exponent_of(const double* x, int count) {
 // The power of two just below `size`. Dividing by it loses no digits.
 inline double power_near(double size) { return size > 0 && size < INFINITY ? std::ldexp(1.0, std::ilogb(size)) : 1; }
 
-inline Vector rounded(const DD* p, int count) {
-  Vector out(count);
-  for (int i = 0; i < count; ++i) out[i] = p[i].h;
-  return out;
-}
-
 // A body as seen from its reference point, which is at x and moves with v. M^-1 = L L^T: a twist is L y, and |y| is its
 // size in the metric of kinetic energy.
 template <class T>
@@ -77,6 +71,7 @@ struct Centre {
 
 struct AssembledBody {
   double x[BODY];  // as given
+  int place = -1;  // among the movable bodies; -1: immovable
   Centre<N> centre;
   Centre<double> centre_in_doubles;
 

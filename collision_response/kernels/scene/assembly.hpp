@@ -19,10 +19,9 @@ struct Assembly {
   double separating_size = 0;
   bool is_locked = false;  // no velocity separates all contacts, as far as 32 digits can tell
 
-  // Add a contact, given by its numbers. The places of its bodies are those among the movable ones.
-  void add(const AssembledBody& a, const AssembledBody& b, int place_a, int place_b, const double* given,
-           double copies) {
-    AssembledContact contact{{place_a, place_b}, {-1, -1}};
+  // Add a contact, given by its numbers.
+  void add(const AssembledBody& a, const AssembledBody& b, const double* given, double copies) {
+    AssembledContact contact{{a.place, b.place}, {-1, -1}};
     const int exponent = exponent_of(given + CONTACT_NORMAL_X, 3);
     for (int k = 0; k < 3; ++k) {
       contact.point[k] = given[CONTACT_POSITION_X + k];
@@ -31,16 +30,15 @@ struct Assembly {
     contact.e = given[CONTACT_RESTITUTION];
     contact.mu = given[CONTACT_FRICTION];
     contact.copies = copies;
-    contact.length = std::sqrt(contact.normal[0] * contact.normal[0] + contact.normal[1] * contact.normal[1] +
-                               contact.normal[2] * contact.normal[2]);
+    contact.length = std::sqrt(dot(contact.normal, contact.normal, 3));
     const AssembledBody* both[2] = {&a, &b};
     for (int side = 0; side < 2; ++side)
       if (!both[side]->is_movable() && both[side]->moves()) {
         contact.wall[side] = static_cast<int>(walls.size());
         walls.push_back(*both[side]);
+        has_moving_wall = true;
       }
-    const N direction[] = {exact(contact.normal[0]), exact(contact.normal[1]), exact(contact.normal[2])};
-    contact.velocity = add_column(contact, direction, contact.jacobian, contact.response);
+    set_columns(contact);
     contact.axes = axes_of<double>(contact);
     contact.axes[0].velocity = high(contact.velocity) / contact.length;
     contacts.push_back(contact);
@@ -78,11 +76,12 @@ struct Assembly {
 
   bool is_finite() const {
     auto is_number = [](double x) { return std::isfinite(x); };
-    auto is_sound = [&](const AssembledContact& contact) {
-      return is_number(contact.scale) && std::all_of(contact.axes.begin(), contact.axes.end(),
-                                                     [&](const auto& axis) { return is_number(axis.velocity); });
-    };
-    return std::all_of(contacts.begin(), contacts.end(), is_sound) && std::all_of(A.begin(), A.end(), is_number);
+    for (const AssembledContact& contact : contacts) {
+      if (!is_number(contact.scale)) return false;
+      for (const auto& axis : contact.axes)
+        if (!is_number(axis.velocity)) return false;
+    }
+    return std::all_of(A.begin(), A.end(), is_number);
   }
 
   // Whether every impulse that stops a fastest approach by itself is at least the least double.
@@ -207,9 +206,8 @@ struct Assembly {
                                      : nullptr;
   }
 
-  // The formula of physics/column.py for both bodies of a contact, along a direction: returns the relative velocity, and
-  // sets the velocity by the twist of each body, and the twist by an impulse.
-  N add_column(const AssembledContact& contact, const N* direction, N (&jacobian)[2][6], N (&response)[2][6]) const {
+  // The formula of physics/column.py for both bodies of a contact, along its normal.
+  void set_columns(AssembledContact& contact) const {
     const AssembledBody* both[2] = {body_of(contact, 0), body_of(contact, 1)};
     constexpr int V = BODY_VELOCITY_X;
     // A common velocity cancels: leave out its rounding.
@@ -218,22 +216,24 @@ struct Assembly {
     for (int side = 0; side < 2; ++side) {
       if (!both[side]) continue;
       const Centre<N>& centre = both[side]->centre;
+      N *jacobian = contact.jacobian[side], *response = contact.response[side];
       N in[CENTRE_COUNT + 9]{}, out[10];
       std::copy(centre.numbers, centre.numbers + CENTRE_COUNT, in);
       if (!is_common) std::copy(centre.v, centre.v + 3, in + CENTRE_COUNT);
-      for (int k = 0; k < 3; ++k) in[CENTRE_COUNT + 3 + k] = exact(contact.point[k]) - centre.x[k];
-      std::copy(direction, direction + 3, in + CENTRE_COUNT + 6);
+      for (int k = 0; k < 3; ++k) {
+        in[CENTRE_COUNT + 3 + k] = exact(contact.point[k]) - centre.x[k];
+        in[CENTRE_COUNT + 6 + k] = jacobian[k] = exact(contact.normal[k]);
+      }
       column<N>(in, out, nullptr, nullptr);
       velocity[side] = out[0];
-      std::copy(direction, direction + 3, jacobian[side]);
-      std::copy(out + 1, out + 4, jacobian[side] + 3);
-      std::copy(out + 4, out + 10, response[side]);
+      std::copy(out + 1, out + 4, jacobian + 3);
+      std::copy(out + 4, out + 10, response);
       for (int k = 0; side && k < 6; ++k) {  // body_b gets the opposite
-        jacobian[side][k] = -jacobian[side][k];
-        response[side][k] = -response[side][k];
+        jacobian[k] = -jacobian[k];
+        response[k] = -response[k];
       }
     }
-    return velocity[0] - velocity[1];
+    contact.velocity = velocity[0] - velocity[1];
   }
 
   // Find a velocity that separates all contacts, in the digits of R: the least d with N^T d >= 1, scaled. Whether it

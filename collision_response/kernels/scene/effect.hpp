@@ -18,13 +18,12 @@ struct ImpulseEffect {
       : changes(6 * static_cast<size_t>(bodies)),
         twists(changes.size()),
         impulses(3 * static_cast<size_t>(contacts)),
-        normal_velocities_before(contacts),
-        normal_velocities_after(contacts),
+        normal_velocities(contacts),
         regimes(contacts) {}
 
   Vector changes, twists;  // six numbers for each movable body
   Vector impulses;  // three numbers for each contact
-  Vector normal_velocities_before, normal_velocities_after;
+  Vector normal_velocities;  // after the impact
   std::vector<Regime> regimes;
   double energies[4] = {};  // kinetic energy before and after, energy lost to restitution and to friction
   double error_bound = 0;
@@ -66,12 +65,12 @@ struct AppliedImpulses {
         has_friction(!impulses.tangential.empty()),
         error(impulses.error),
         along_axes(assembly.count),
-        reported(rounded(normal, assembly.count)),
         twist_changes(assembly.twist_changes(normal)),
         motion(assembly),
         by_friction(assembly) {
     for (int i = 0; i < assembly.count; ++i) {
       const AssembledContact& contact = assembly.contacts[i];
+      reported.push_back(normal[i].h);
       if (has_friction) {
         for (int k = 0; k < 2; ++k) along_axes[i][1 + k] = impulses.tangential[2 * i + k];
         by_friction.apply(i, along_axes[i]);
@@ -215,8 +214,7 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
     const Axes before = applied.velocity_before(i), after = applied.velocity_after(i);
     double* impulse = &effect.impulses[3 * i];
     applied.write_impulse(i, impulse);
-    effect.normal_velocities_before[i] = before[0];
-    effect.normal_velocities_after[i] = after[0];
+    effect.normal_velocities[i] = after[0];
     effect.is_unphysical = effect.is_unphysical || applied.is_unphysical(i, before, after);
     works.add(applied, i, before, after);
 
