@@ -173,8 +173,8 @@ inline void resolve_by_springs(const Assembly& assembly, const ClusterOptions& o
   result.apply(assembly, answer.impulses, true);
   result.effect.error_bound = answer.error + answer.rounding;
   double* energies = result.effect.energies;
-  energies[2] += energies[3] - answer.friction_loss;
-  energies[3] = answer.friction_loss;
+  energies[LOST_TO_RESTITUTION] += energies[LOST_TO_FRICTION] - answer.friction_loss;
+  energies[LOST_TO_FRICTION] = answer.friction_loss;
 }
 
 // Apply a law, with its fallbacks:

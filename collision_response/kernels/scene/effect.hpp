@@ -12,6 +12,9 @@ using Regime = unsigned char;
 // a smaller fraction counts as being at the limit.
 constexpr double AT_REST = 0x1p-20;
 
+// Kinetic energy before and after, and the energy lost to restitution and to friction.
+enum { ENERGY_BEFORE, ENERGY_AFTER, LOST_TO_RESTITUTION, LOST_TO_FRICTION };
+
 struct ImpulseEffect {
   ImpulseEffect() = default;
   ImpulseEffect(int contacts, int bodies)
@@ -25,7 +28,7 @@ struct ImpulseEffect {
   Vector impulses;  // three numbers for each contact
   Vector normal_velocities;  // after the impact
   std::vector<Regime> regimes;
-  double energies[4] = {};  // kinetic energy before and after, energy lost to restitution and to friction
+  double energies[4] = {};
   double error_bound = 0;
   // Whether the contacts gain more energy than rounding explains, by the work on relative velocities, which is the same
   // for every observer.
@@ -140,8 +143,8 @@ inline void set_motion(const AppliedImpulses& applied, ImpulseEffect& effect) {
                 (std::fabs(change[k]) + std::fabs(high(by_normal[k]))) * 0x1p-53 * (applied.has_friction ? 4 : 1);
     }
     std::copy_n(moved + BODY_VELOCITY_X, 6, &effect.twists[6 * b]);
-    effect.energies[0] += body.centre_in_doubles.energy;
-    effect.energies[1] += Centre<double>(moved).energy;
+    effect.energies[ENERGY_BEFORE] += body.centre_in_doubles.energy;
+    effect.energies[ENERGY_AFTER] += Centre<double>(moved).energy;
     largest = std::fmax(largest, twist_size(body.x, change));
     rounding = greater_error(rounding, twist_size(body.x, lost));
     worst = greater_error(worst, applied.error * norm_ratio(body));
@@ -154,6 +157,7 @@ inline void set_motion(const AppliedImpulses& applied, ImpulseEffect& effect) {
 // The work of the contacts. It is summed in units near the greatest speed and impulse, because it may be out of the
 // range of doubles.
 struct Works {
+  const AppliedImpulses& applied;
   double fastest = 0;  // speed before the impact
   double speed_unit = 1, impulse_unit = 1;
   double lost_restitution = 0, lost_friction = 0;
@@ -161,7 +165,7 @@ struct Works {
   double doubt = 0;  // by the errors of the velocities before the impact
   double reach = 0;  // by a unit error of the velocities after it, in the metric of kinetic energy
 
-  explicit Works(const AppliedImpulses& applied) {
+  explicit Works(const AppliedImpulses& applied) : applied(applied) {
     double greatest = 0;
     for (int i = 0; i < applied.assembly.count; ++i) {
       const Axes u = applied.velocity_before(i);
@@ -172,7 +176,7 @@ struct Works {
     impulse_unit = power_near(greatest);
   }
 
-  void add(const AppliedImpulses& applied, int i, const Axes& before, const Axes& after) {
+  void add(int i, const Axes& before, const Axes& after) {
     const AssembledContact& contact = applied.assembly.contacts[i];
     const Axes& P = applied.along_axes[i];
     const double normal = applied.normal_impulse(i) / impulse_unit;
@@ -187,19 +191,21 @@ struct Works {
   }
 
   // Set the energies that are lost, and whether energy is created.
-  void set_losses(const AppliedImpulses& applied, ImpulseEffect& effect) const {
+  void set_losses(ImpulseEffect& effect) const {
     double* energies = effect.energies;
     const double loss = lost_restitution + lost_friction, by_rounding = 0x1p-40 * total + doubt;
     const double by_error = applied.error < INFINITY ? applied.error * reach : 0;
     const bool gains = loss < -by_rounding - by_error;
     const bool is_bounded = effect.error_bound < INFINITY;
-    const double doubt_of_energy = is_bounded ? by_error * impulse_unit * speed_unit : 0;
-    const bool grows = !applied.assembly.has_moving_wall && energies[1] > energies[0] * (1 + 0x1p-40) + doubt_of_energy;
+    const double greatest =
+        energies[ENERGY_BEFORE] * (1 + 0x1p-40) + (is_bounded ? by_error * impulse_unit * speed_unit : 0);
+    const bool grows = !applied.assembly.has_moving_wall && energies[ENERGY_AFTER] > greatest;
     effect.creates_energy = loss < -by_rounding;
     effect.is_unphysical = effect.is_unphysical || gains || (grows && is_bounded);
     effect.lacks_digits = grows && !is_bounded;
-    energies[2] = (gains ? lost_restitution : std::fmax(lost_restitution, -lost_friction)) * impulse_unit * speed_unit;
-    energies[3] = lost_friction * impulse_unit * speed_unit;
+    const double to_restitution = gains ? lost_restitution : std::fmax(lost_restitution, -lost_friction);
+    energies[LOST_TO_RESTITUTION] = to_restitution * impulse_unit * speed_unit;
+    energies[LOST_TO_FRICTION] = lost_friction * impulse_unit * speed_unit;
   }
 };
 
@@ -216,8 +222,7 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
     applied.write_impulse(i, impulse);
     effect.normal_velocities[i] = after[0];
     effect.is_unphysical = effect.is_unphysical || applied.is_unphysical(i, before, after);
-    works.add(applied, i, before, after);
-
+    works.add(i, before, after);
     const double mu = assembly.contacts[i].mu, at_rest = AT_REST * works.fastest;
     const double slip_before = std::hypot(before[1], before[2]), slip = std::hypot(after[1], after[2]);
     const bool turns_back = before[1] * after[1] + before[2] * after[2] < 0 && std::fmin(slip_before, slip) > at_rest;
@@ -229,6 +234,6 @@ inline ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& 
     else if (sticks) regime = REGIME_STICKING;
     else regime = turns_back ? REGIME_REVERSED : REGIME_SLIDING;
   }
-  works.set_losses(applied, effect);
+  works.set_losses(effect);
   return effect;
 }

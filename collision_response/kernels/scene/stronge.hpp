@@ -46,7 +46,7 @@ PathAnswer answer_of(const Assembly& assembly, const Path& path) {
   answer.changes = effect.changes;
   answer.rounding = effect.error_bound;
   // No loss is negative, by the errors of the path and the rounding of this sum.
-  const double lost = (effect.energies[2] + effect.energies[3]) * (1 - 0x1p-51);
+  const double lost = (effect.energies[LOST_TO_RESTITUTION] + effect.energies[LOST_TO_FRICTION]) * (1 - 0x1p-51);
   answer.friction_loss = std::fmin(std::fmax(path.friction_loss, 0), lost);
   return answer;
 }
