@@ -7,7 +7,7 @@ import random
 
 import numpy as np
 import pytest
-from scene_cases import Scene, assert_within_bound, box, change_norm, distance, reordered, shuffled
+from scene_cases import Scene, any_scene, assert_within_bound, box, change_norm, distance, reordered, shuffled
 
 from collision_response import Body, Contact, ImpactModel, Law, StatusCode, resolve_scene
 from collision_response.physics.orientation import Quaternion
@@ -154,6 +154,15 @@ def test_uneven_rebounds_have_one_answer_in_any_order(seed, law):
     scene = uneven_rebounds(seed)
     other, place = shuffled(scene, seed)
     one, again = scene.resolve(law), other.resolve(law)
+    again = again._replace(changes=[again.changes[k] for k in place])
+    assert distance(scene, one, again) <= one.error_bound + again.error_bound
+
+
+def test_a_contact_that_only_rounding_loads_takes_no_part():
+    """Least norm leaves loads of 1e-25 at two of 29 contacts in this order: with them, friction did a quarter more."""
+    scene = any_scene(617566)
+    other, place = shuffled(scene, 617566)
+    one, again = scene.resolve(Law.COULOMB), other.resolve(Law.COULOMB)
     again = again._replace(changes=[again.changes[k] for k in place])
     assert distance(scene, one, again) <= one.error_bound + again.error_bound
 

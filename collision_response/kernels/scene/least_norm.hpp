@@ -185,9 +185,9 @@ bool minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies
   };
   Minimum<R> solved = with_room(0);
   // Where impulses are just 0, rounding may leave no solution without some room below 0.
-  double taken = 0;
-  for (double room : {1e-24, 1e-18, 1e-13, 1e-9})
-    if (room > ROUNDING<R> && solved.status != MinimumStatus::FOUND) solved = with_room(taken = room);
+  double room = 0;
+  for (double more : {1e-24, 1e-18, 1e-13, 1e-9})
+    if (more > ROUNDING<R> && solved.status != MinimumStatus::FOUND) solved = with_room(room = more);
   if (solved.status != MinimumStatus::FOUND) return false;
   std::vector<R> x(count);
   for (int i : among) x[i] = solved.x[i] * s[i];
@@ -196,7 +196,8 @@ bool minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies
   for (int i = 0; i < count; ++i) {
     const double change = std::fabs(high(P[i] - given[i]));
     if (high(s[i]) == 0) is_known = is_known && (change < high(given[i]) || change <= ROUNDING<R> * greatest);
-    const double none = std::fmax(ROUNDING<R> * terms[i], 2 * taken * greatest);
+    // The room of all contacts may add up at one.
+    const double none = std::fmax(ROUNDING<R> * terms[i], count * room * greatest);
     p[i] = high(x[i]) > 0 || high(P[i]) <= none ? R{} : P[i] / weight[i];
   }
   return is_known;
