@@ -163,7 +163,9 @@ def wall_of_bricks(mass: float) -> Scene:
     cells = [(i, k) for k in range(high) for i in range(wide)]
     left = {(i, k): 2 * i + k % 2 for i, k in cells}
     bodies = [
-        Body.box(mass, (2, 1, 1), position=(left[cell] + 1, 0, cell[1] + 0.5), velocity=(0.1 * cell[1], 0, -1))
+        Body.box(
+            mass, (2, 1, 1), position=(left[cell] + 1, 0, cell[1] + 0.5), velocity=(0.1 * cell[1], 0, -1)
+        )
         for cell in cells
     ]
     pairs, contacts = [], []
