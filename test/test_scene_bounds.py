@@ -163,10 +163,8 @@ def wall_of_bricks(mass: float) -> Scene:
     cells = [(i, k) for k in range(high) for i in range(wide)]
     left = {(i, k): 2 * i + k % 2 for i, k in cells}
     bodies = [
-        Body.box(
-            mass, (2, 1, 1), position=(left[cell] + 1, 0, cell[1] + 0.5), velocity=(0.1 * cell[1], 0, -1)
-        )
-        for cell in cells
+        Body.box(mass, (2, 1, 1), position=(left[i, k] + 1, 0, k + 0.5), velocity=(0.1 * k, 0, -1))
+        for i, k in cells
     ]
     pairs, contacts = [], []
     for i, k in cells:

@@ -159,7 +159,7 @@ def test_uneven_rebounds_have_one_answer_in_any_order(seed, law):
 
 
 def test_a_contact_that_only_rounding_loads_takes_no_part():
-    """Least norm leaves loads of 1e-25 at two of 29 contacts in this order: with them, friction did a quarter more."""
+    """Here least norm leaves loads of 1e-25 at two of 29 contacts: friction then did a quarter more."""
     scene = any_scene(617566)
     other, place = shuffled(scene, 617566)
     one, again = scene.resolve(Law.COULOMB), other.resolve(Law.COULOMB)
