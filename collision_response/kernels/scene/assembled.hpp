@@ -82,6 +82,12 @@ struct AssembledBody {
     return false;
   }
   bool rests() const { return !is_movable() && !moves(); }
+  // Whether it moves as another body does, without turning: then an observer can be at rest with both.
+  bool moves_with(const AssembledBody& other) const {
+    const double *v = x + BODY_VELOCITY_X, *w = x + BODY_ANGULAR_VELOCITY_X;
+    return std::equal(v, v + 3, other.x + BODY_VELOCITY_X) &&
+           std::all_of(w, w + 3, [](double one) { return one == 0; });
+  }
 
   // Compute everything from x.
   void prepare() {

@@ -4,6 +4,8 @@
 // u = u0 + A p, is computed from them with a bound on the error, each time from the start. What happens along the unit
 // normal and two tangents is also known in plain doubles.
 #pragma once
+#include <optional>
+
 #include "active_set.hpp"
 #include "assembled.hpp"
 
@@ -13,6 +15,7 @@ struct Assembly {
   std::vector<AssembledBody> bodies;  // the movable ones
   std::vector<AssembledBody> walls;  // the immovable ones that move, once for each contact
   bool has_moving_wall = false;
+  bool walls_move_apart = false;  // whether no observer sees all immovable bodies at rest
   // A velocity that separates all contacts, if there is one: by how much, scaled, and its size in the metric of kinetic
   // energy.
   Vector separation;
@@ -32,12 +35,15 @@ struct Assembly {
     contact.copies = copies;
     contact.length = std::sqrt(dot(contact.normal, contact.normal, 3));
     const AssembledBody* both[2] = {&a, &b};
-    for (int side = 0; side < 2; ++side)
-      if (!both[side]->is_movable() && both[side]->moves()) {
-        contact.wall[side] = static_cast<int>(walls.size());
-        walls.push_back(*both[side]);
-        has_moving_wall = true;
-      }
+    for (int side = 0; side < 2; ++side) {
+      if (both[side]->is_movable()) continue;
+      if (!first_wall) first_wall = *both[side];
+      walls_move_apart = walls_move_apart || !both[side]->moves_with(*first_wall);
+      if (!both[side]->moves()) continue;
+      contact.wall[side] = static_cast<int>(walls.size());
+      walls.push_back(*both[side]);
+      has_moving_wall = true;
+    }
     set_columns(contact);
     contact.axes = axes_of<double>(contact);
     contact.axes[0].velocity = high(contact.velocity) / contact.length;
@@ -186,6 +192,7 @@ struct Assembly {
   }
 
  private:
+  std::optional<AssembledBody> first_wall;
   Vector A;
   mutable std::vector<DD> finer_A;  // found when it is first asked for
 

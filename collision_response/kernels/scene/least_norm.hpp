@@ -18,11 +18,11 @@ struct Effects {
     for (const AssembledContact& contact : contacts)
       fastest = std::fmax(fastest, std::fabs(high(contact.velocity)) * contact.scale);
     for (int i = 0; i < count; ++i) {
-      u[i] = assembly.has_moving_wall && fastest > 0 ? high(contacts[i].velocity) * contacts[i].scale / fastest : 0;
+      u[i] = assembly.walls_move_apart && fastest > 0 ? high(contacts[i].velocity) * contacts[i].scale / fastest : 0;
       scale[i] = contacts[i].scale / std::sqrt(1 + u[i] * u[i]);
     }
     auto factor = [&](int i) { return constant<R>(scale[i] / contacts[i].scale); };
-    for (int i = 0; assembly.has_moving_wall && i < count; ++i)
+    for (int i = 0; assembly.walls_move_apart && i < count; ++i)
       for (int j = 0; j < count; ++j)
         matrix[i * count + j] = factor(i) * factor(j) * (matrix[i * count + j] + constant<R>(u[i]) * constant<R>(u[j]));
   }
@@ -64,7 +64,7 @@ NullImpulses null_impulses_in(const Assembly& assembly, double enough, double de
     for (int turn = 0;; ++turn) {
       std::vector<N> twists = assembly.twist_changes(z.data());
       N total = exact(0.0);
-      for (int n = 0; assembly.has_moving_wall && n < count; ++n) total = total + contacts[n].velocity * exact(z[n]);
+      for (int n = 0; assembly.walls_move_apart && n < count; ++n) total = total + contacts[n].velocity * exact(z[n]);
       const double work = fastest > 0 ? high(total) / fastest : 0;
       square = work * work * 1e-6;  // the velocities of walls are known to fewer digits
       for (int n = 0; n < count; ++n)

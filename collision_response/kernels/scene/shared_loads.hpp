@@ -22,8 +22,32 @@ inline double greatest_of(const Vector& loads) { return *std::max_element(loads.
 
 constexpr double SHARING = 1e-9;  // for contacts whose normals or lever arms differ by 3e-5
 
+// The velocity that walls have on average, over all contacts. The work of walls is that which an observer sees who moves
+// with it, so that it is the same for every observer.
+inline std::array<double, 3> mean_velocity_of_walls(const Assembly& assembly) {
+  std::array<double, 3> mean{};
+  double count = 0;
+  for (const AssembledContact& contact : assembly.contacts)
+    for (int side = 0; side < 2; ++side) {
+      count += contact.body[side] < 0;
+      for (int k = 0; contact.wall[side] >= 0 && k < 3; ++k)
+        mean[k] += assembly.walls[contact.wall[side]].x[BODY_VELOCITY_X + k];
+    }
+  for (double& one : mean) one /= std::fmax(count, 1);
+  return mean;
+}
+// The part of a wall in the normal velocity of a contact, for an observer who moves with `drift`.
+inline DD wall_velocity(const Assembly& assembly, const AssembledContact& contact, int side,
+                        const std::array<double, 3>& drift) {
+  DD velocity{};
+  for (int k = 0; k < 3; ++k) velocity -= (side ? -drift[k] : drift[k]) * DD{contact.normal[k], 0};
+  for (int k = 0; contact.wall[side] >= 0 && k < 6; ++k)
+    velocity += assembly.walls[contact.wall[side]].x[BODY_VELOCITY_X + k] * value(contact.jacobian[side][k]);
+  return velocity;
+}
+
 // The loads >= 0 of nearly the same effect with nearly the least norm: those that minimise the square of the difference
-// in the effect, plus SHARING times the norm. Moving walls are one more body, which their work moves.
+// in the effect, plus SHARING times the norm. Walls that move apart are one more body, which their work moves.
 inline Vector share_nearly(const Assembly& assembly, const Vector& loads) {
   const int count = assembly.count, walls = assembly.body_count;
   const double greatest = greatest_of(loads);
@@ -32,17 +56,16 @@ inline Vector share_nearly(const Assembly& assembly, const Vector& loads) {
     fastest = std::fmax(fastest, std::fabs(high(contact.velocity)) * contact.scale);
     mean += contact.unit() * contact.unit() / count;
   }
-  Cones<DD> programme(walls + assembly.has_moving_wall);
+  const std::array<double, 3> drift = mean_velocity_of_walls(assembly);
+  Cones<DD> programme(walls + assembly.walls_move_apart);
   for (int i = 0; i < count; ++i) {
     const AssembledContact& contact = assembly.contacts[i];
     Cone<DD> cone = cone_of(contact, assembly.axes_of<DD>(contact), 1, 1 / mean);
     cone.mu = 0;
-    for (int side = 0; side < 2; ++side)
-      if (contact.wall[side] >= 0) {
+    for (int side = 0; side < 2 && assembly.walls_move_apart; ++side)
+      if (contact.body[side] < 0) {
         cone.body[side] = walls;
-        for (int k = 0; k < 6 && fastest > 0; ++k)
-          cone.row[side][0][0] += contact.scale / fastest * assembly.walls[contact.wall[side]].x[BODY_VELOCITY_X + k] *
-                                  value(contact.jacobian[side][k]);
+        if (fastest > 0) cone.row[side][0][0] = contact.scale / fastest * wall_velocity(assembly, contact, side, drift);
       }
     programme.cones.push_back(cone);
     programme.P.push_back({DD{loads[i] / greatest, 0}, DD{}, DD{}});
