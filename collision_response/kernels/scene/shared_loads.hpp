@@ -131,7 +131,7 @@ struct SharedLoads {
 inline SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p) {
   constexpr double SMALL = 1e-10, LEAST = 1e-6;  // a load, relative to those of its bodies; a part
   constexpr double NEVER_ROUNDING = 1e-6;  // a load, also relative: from here on, rounding does not decide it
-  constexpr double NO_LOAD = 1e-20;  // of a body, relative to the greatest
+  constexpr double NO_LOAD = 1e-20;  // relative to the greatest: where impulses cancel, it is rounding
   const int count = assembly.count;
   std::vector<DD> shared = p;
   const NullImpulses null = null_impulses(assembly, LEAST_EFFECT);
@@ -148,7 +148,7 @@ inline SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& 
   std::optional<RoundedLoads> rounded;  // found if needed
   Vector nearly_shared, nearly;  // the same
   for (int i = 0; i < count; ++i) {
-    double part = exactly[i] > SMALL;
+    double part = exactly[i] > SMALL && loads[i] > NO_LOAD * greatest;
     if (exactly[i] < NEVER_ROUNDING && loads[i] > 0 && is_independent(i)) {
       if (!rounded) rounded.emplace(assembly);
       part = rounded->part_of(i, loads[i] / greatest);
