@@ -110,9 +110,13 @@ inline NullImpulses null_impulses(const Assembly& assembly, double enough) {
 // Rounding of impulses, relative to the greatest.
 template <class R> constexpr double ROUNDING = is_scalar<R> ? 0x1p-46 : 0x1p-88;
 
+// The multipliers of the impulses that are 0, relative to the greatest impulse, from which on the others are not known:
+// they grow with what these would be if rounding let the former be less than 0.
+constexpr double GREATEST_MULTIPLIERS = 1e9;
+
 // Replace p by the p + Z z >= 0 of least norm. Components of Z up to SMALL may be rounding, and do not keep p from
-// changing. Returns whether none of them changes an impulse by more than it is. Contacts that Z changes by up to
-// `left_out` of its norm are left out, whatever basis Z is.
+// changing. Returns whether p is known: multipliers are not too great, and no such component changes an impulse by more
+// than it is. Contacts that Z changes by up to `left_out` of its norm are left out, whatever basis Z is.
 template <class R>
 bool minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies,
                    const std::vector<std::vector<DD>>& basis, double left_out = 0) {
@@ -191,9 +195,13 @@ bool minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies
     if (more > Traits<R>::roundoff && solved.status != MinimumStatus::FOUND) solved = with_room(room = more);
   if (solved.status != MinimumStatus::FOUND) return false;
   std::vector<R> x(count);
-  for (int i : among) x[i] = solved.x[i] * s[i];
+  double multipliers = 0;
+  for (int i : among) {
+    x[i] = solved.x[i] * s[i];
+    multipliers += std::fabs(high(solved.x[i]));
+  }
   for (size_t k = 0; k < Z.size(); ++k) add_to_P(along(x, k), k);
-  bool is_known = true;
+  bool is_known = multipliers <= GREATEST_MULTIPLIERS * greatest;
   for (int i = 0; i < count; ++i) {
     const double change = std::fabs(high(P[i] - given[i]));
     if (high(s[i]) == 0) is_known = is_known && (change < high(given[i]) || change <= ROUNDING<R> * greatest);
