@@ -237,7 +237,7 @@ ILL_SHARED = [714313, 720029, 722422, 749298, 800335, 803329, 932319, 936699, 10
 
 @pytest.mark.parametrize("seed", ILL_SHARED)
 def test_loads_that_hardly_can_be_shared(seed):
-    """Restitution depends on the shares of a load, these on the last digits: answers were off by up to 2e-5."""
+    """Restitution depends on the shares of a load, these on the last digits: it was off by up to 2e-5."""
     scene = opposites(seed)
     again, place = shuffled(scene, seed)
     exact, answer, other = (one.resolve(Law.FRICTIONLESS) for one in (scene.in_fractions(), scene, again))
