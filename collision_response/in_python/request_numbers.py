@@ -86,11 +86,10 @@ def as_fraction(x: Any) -> Any:
         ImpactError: OUT_OF_RANGE, for a decimal of more than ``MOST_PLACES`` places.
     """
     number = of_python(x)
-    if isinstance(number, Decimal) and number:
-        exponent = number.as_tuple().exponent
-        if isinstance(exponent, int) and exponent > MOST_PLACES:  # this takes as long
+    if isinstance(number, Decimal) and number and isinstance(exponent := number.as_tuple().exponent, int):
+        if exponent > MOST_PLACES:  # this takes as long
             return math.nan
-        if isinstance(exponent, int) and exponent < -MOST_PLACES:
+        if exponent < -MOST_PLACES:
             limit = f"must have at most {MOST_PLACES:,} places to be computed exactly"
             raise ImpactError(StatusCode.OUT_OF_RANGE, "decimal", f"{limit}; is {format_value(number, str)}")
     try:

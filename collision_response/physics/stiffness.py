@@ -59,10 +59,10 @@ def _checked(name: str, material: Elastic) -> Elastic:
         raise TypeError(f"{name}: must be an Elastic, is {format_value(material)}")
     numbers = material._asdict().items()
     nu, modulus = (_exact_or_float(real_number(f"{name}.{field}", x)) for field, x in numbers)
-    is_known = is_finite(modulus) or modulus == math.inf
+    is_within_float64 = is_finite(modulus) or modulus == math.inf
     for field, x, holds, requirement in (
         ("poisson_ratio", nu, -1 < nu <= 0.5, "in (-1, 0.5]"),
-        ("shear_modulus", modulus, modulus > 0 and is_known, "positive, and within float64"),
+        ("shear_modulus", modulus, modulus > 0 and is_within_float64, "positive, and within float64"),
     ):
         if not holds:
             reason = f"must be {requirement}; is {format_value(x, str)}"

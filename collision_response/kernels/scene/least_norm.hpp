@@ -188,8 +188,8 @@ bool minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies
     return minimise(dual, b, among);
   };
   Minimum<R> solved = with_room(0);
-  // Where impulses are just 0, rounding may leave no solution without some room below 0. The less the better: contacts
-  // whose normals are nearly parallel use it up to 1e8 times.
+  // Where impulses are just 0, rounding may leave no solution without some room below 0. The less the better: where
+  // normals are nearly parallel, others change by many times as much.
   double room = 0;
   for (double more : {1e-30, 1e-27, 1e-24, 1e-18, 1e-13, 1e-9})
     if (more > Traits<R>::roundoff && solved.status != MinimumStatus::FOUND) solved = with_room(room = more);
