@@ -174,6 +174,24 @@ def test_two_particles_have_no_inertia_about_their_line_in_any_axes(law, precisi
         assert impact.change_a.angular == pytest.approx(expected.change_a.angular, **allowed)
 
 
+@pytest.mark.parametrize("angle", [0.02 * k for k in range(1, 79)])
+def test_the_tensor_of_a_rod_in_a_plane_has_no_inertia_about_it(angle):
+    """``I (1 - a a^T)`` has roundings of the size of ``I``, also where its component is small."""
+    c, s = math.cos(angle), math.sin(angle)
+    rod = Body.dynamic(
+        1.0,
+        ((1 - c * c) / 3, 0.0, -c * s / 3, 1 / 3, 0.0, (1 - s * s) / 3),
+        (c, 0.0, s),
+        velocity=(0.3, 0.1, -1.0),
+        angular_velocity=(0.2, 0.1, 0.3),
+    )
+    for law in Law:
+        impact = resolve(rod, FLOOR, CONTACT._replace(position=ZERO, friction=0.1), ImpactModel(law))
+        assert impact.error_bound < 1e-9
+        assert impact.adjustments == Adjustment.MASSLESS_SPIN
+        assert abs(impact.change_a.angular.dot(Vec3(c, 0.0, s))) < 1e-9
+
+
 @pytest.mark.parametrize("precision", [Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED])
 def test_a_rod_that_turns_across_its_axis_has_no_massless_spin(precision):
     """The spins are exactly perpendicular to the rods. Turning them into body axes adds rounding."""

@@ -207,6 +207,48 @@ def test_stronge_gives_the_planar_law_of_one_contact():
         assert answer.error_bound < 1e-2
 
 
+TWICE = Contact.of((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), Contact.of((0.0, 0.0, 0.0), (0.0, 0.0, 2.0))
+
+
+def assert_equals_one_contact(body: Body, e: float, mu: float) -> None:
+    """Check that a point of contact that is given twice, with normals of two lengths, acts as given once."""
+    contacts = [contact._replace(restitution=e, friction=mu) for contact in TWICE]
+    scene = Scene([body, Body.static()], [(0, 1)] * 2, contacts)
+    answer, one = (
+        scene.resolve(Law.ROUTH_STRONGE),
+        resolve(*scene.bodies, contacts[0], ImpactModel(Law.ROUTH_STRONGE)),
+    )
+    assert answer.error_bound < 1e-4
+    assert distance_of_changes(scene, answer.changes, [one.change_a, one.change_b]) <= answer.error_bound
+
+
+@pytest.mark.parametrize("angle", [0.3, math.pi / 4, 1.2])
+@pytest.mark.parametrize("mu", [0.05, 0.1, 0.3])
+@pytest.mark.parametrize("e", [0.3, 0.8, 1.0])
+def test_slips_that_reverse_within_a_step_are_in_the_bound(angle, mu, e):
+    """Friction has the wrong direction for a part of the step, in the whole step and in its halves alike."""
+    c, s = math.cos(angle), math.sin(angle)
+    for slip in range(1, 31):
+        rod = Body.dynamic(1.0, (s * s / 3, 0.0, -c * s / 3, 1 / 3, 0.0, c * c / 3), (c, 0.0, s))
+        assert_equals_one_contact(rod._replace(velocity=Vec3(0.025 * slip, 0.0, -1.0)), e, mu)
+
+
+@pytest.mark.parametrize(
+    "inertia",
+    [
+        (0.05746361173281893, 0.0, -0.12590659462829074, 1 / 3, 0.0, 0.2758697216005147),
+        (0.16770971097145698, 0.0, -0.16666340281044298, 1 / 3, 0.0, 0.16562362236187664),
+    ],
+)
+def test_whether_there_is_inertia_about_a_rod_is_decided_in_all_digits(inertia):
+    """Doubles alone would decide otherwise: the moments are within 1 % of the limit."""
+    angle = math.atan2(math.sqrt(inertia[0]), math.sqrt(inertia[5]))
+    velocity = {"velocity": (0.5, -0.2, -1.0), "angular_velocity": (-0.5, 0.3, 0.0)}
+    assert_equals_one_contact(
+        Body.dynamic(1.0, inertia, (math.cos(angle), 0.0, math.sin(angle)), **velocity), 0.5, 0.1
+    )
+
+
 def test_stronge_reports_the_frictional_work_along_the_path():
     """As the law of one contact does, not the work at the mean of the slip before and after."""
     for theta, velocity, mu, e in (

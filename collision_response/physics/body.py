@@ -77,8 +77,8 @@ class Body(NamedTuple):
     Attributes:
         mass: [kg]; infinite for an immovable body, which is left out of energy and momentum balances.
         inertia: about the centre of mass, in body axes [kg m^2]. A thin rod has one zero moment; a point mass
-            and an immovable body have zero inertia. An angular velocity about an axis without inertia moves
-            no contact.
+            and an immovable body have zero inertia. A moment that may be rounding of the components counts as
+            zero. An angular velocity about an axis without inertia moves no contact.
         position: of the reference point, in world axes [m].
         orientation: rotation from body axes to world axes; ``None`` if they are parallel.
         velocity: of the reference point, in world axes [m/s].
@@ -343,9 +343,19 @@ def _factor(inertia: Symmetric3) -> tuple[Condition, Factor3]:
     ``(l_zy l_yx - l_zx, -l_zy, 1)``. Roundings of the components of ``I`` change it by up to a small multiple
     of ``v.D v``, where ``D`` is the diagonal of ``I``. A thin rod may lie along any axis, so its moment about
     itself counts as 0 up to that size, which may be much greater than the diagonal entry of the pivot.
+
+    If a product of inertia couples two axes, the tensor was rotated or is a sum over parts, and the moments
+    about both axes went into each component. So ``D`` has the moments of coupled axes added to its own.
     """
     xx, xy, xz, yy, yz, zz = inertia
-    D_x, D_y, D_z = map(fixed, (xx, yy, zz))
+    X, Y, Z = map(fixed, (xx, yy, zz))
+
+    def coupled(product: Scalar, moment: Scalar) -> Scalar:
+        return choose(fixed(product) == 0, lambda: moment * 0, lambda: moment)
+
+    D_x = X + coupled(xy, Y) + coupled(xz, Z)
+    D_y = Y + coupled(xy, X) + coupled(yz, Z)
+    D_z = Z + coupled(xz, X) + coupled(yz, Y)
     has_x, i_x = _inverse_pivot(xx, D_x, xy, xz)
     l_yx, l_zx = xy * i_x, xz * i_x
     w = yz - l_zx * xy

@@ -93,6 +93,10 @@ struct AssembledBody {
   void prepare() {
     centre = Centre<N>(x);
     centre_in_doubles = Centre<double>(x);
+    // Doubles alone may find inertia about the axis of a thin rod, which is rounding.
+    std::transform(std::begin(centre.numbers), std::end(centre.numbers), centre_in_doubles.numbers,
+                   [](const N& x) { return high(x); });
+    centre_in_doubles.has_massless_spin = centre.has_massless_spin;
   }
   template <class T>
   decltype(auto) centre_in() const {

@@ -38,6 +38,7 @@ struct PathWithFriction : ContactSprings {
   using ContactSprings::ContactSprings;
   static constexpr bool HAS_FRICTION = true;
   static constexpr double FIRST_TOLERANCE = 1e-2, LEAST_RATIO = 1e-1, ENOUGH = 1e-5;  // see follow_springs()
+  static constexpr double g = 1 - M_SQRT1_2, d = 1 - 0.5 / g;  // gamma and delta of the method
   static constexpr long SWEEP = 60;  // the cost of one contact in a sweep
 
   // Whether the path ended within its budget and was not wedged.
@@ -49,9 +50,10 @@ struct PathWithFriction : ContactSprings {
     }
     while (!all_are_over()) {
       if (!step(now, h, whole) || !step(now, h / 2, half) || !step(half, h / 2, both)) return false;
-      const double worst = error_of_step();
+      const Reversal reversal = first_reversal();
+      const double worst = std::fmax(error_of_step(), reversal.error / (3 * tolerance * speed));
       if (!(worst < INFINITY)) return false;
-      double turns = 1, fastest = 0;
+      double turns = reversal.fraction, fastest = 0;
       for (int i = 0; i < count; ++i) {
         turns = std::fmin(turns, turning_fraction(i, now.x[i], now.u[i], both.u[i]));
         fastest = std::fmax(fastest, residual_speed(i, both.x[i], both.u[i]));
@@ -136,7 +138,6 @@ struct PathWithFriction : ContactSprings {
   }
 
   bool step(const State& from, double length, State& to) {
-    static const double g = 1 - std::sqrt(0.5), d = 1 - 0.5 / g;
     to = from;
     for (int i = 0; i < count; ++i) compress(to, i, from.x[i] + length * g * rate_in(from, i));
     if (!apply_friction(to, length * g, enough)) return false;
@@ -165,6 +166,38 @@ struct PathWithFriction : ContactSprings {
       off = std::fmax(off, std::fabs(both.u[i] - whole.u[i]));  // the norm gives little weight to light bodies
     }
     return std::fmax(off, std::sqrt(square / mass)) / (3 * tolerance * speed);
+  }
+
+  // Where a slip reverses within a step, or where friction stops a slip that it cannot hold, friction has the wrong
+  // direction for a part of a stage, in the whole step and in its halves alike: comparing them may not notice it.
+  struct Reversal {
+    double error, fraction;  // of slips, at most; of the step, after which the first of them has nearly stopped
+  };
+  Reversal first_reversal() {
+    Reversal first{0, 1};
+    std::vector<int> stopped;
+    for (int i : frictional) {
+      if (!(slip(now, i) > 2 * enough)) continue;
+      if (slip(both, i) <= 2 * enough) stopped.push_back(i);
+      else if (product_of_slips(now, both, i) < 0) add_reversal(i, first);
+    }
+    if (stopped.empty()) return first;
+    State later = both;
+    if (!apply_friction(later, h / 16, enough)) return first;
+    for (int i : stopped)
+      if (slip(later, i) > 4 * enough) add_reversal(i, first);
+    return first;
+  }
+  void add_reversal(int i, Reversal& first) const {
+    const double before = slip(now, i), middle = std::copysign(slip(half, i), product_of_slips(now, half, i));
+    const double fraction = middle < before ? std::fmin(before / (before - middle) / 2, 1) : 1;
+    const double most = slips[i].trace() * assembly.contacts[i].mu * (both.P[i][0] - now.P[i][0]);
+    first.error = std::fmax(first.error, std::fmin(before, 2 * most * std::fmax(1 - fraction, g / 2)));
+    first.fraction = std::fmin(first.fraction, 0.9 * fraction);
+  }
+  static double slip(const State& state, int i) { return std::sqrt(product_of_slips(state, state, i)); }
+  static double product_of_slips(const State& a, const State& b, int i) {
+    return a.motion.velocity(i, 1) * b.motion.velocity(i, 1) + a.motion.velocity(i, 2) * b.motion.velocity(i, 2);
   }
 
   void extrapolate() {
