@@ -14,7 +14,7 @@ unexport RMW_IMPLEMENTATION ROS_DISTRO VIRTUAL_ENV _ROS_WHEELS_BOOTSTRAP_COMPLET
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 unexport MAKEFLAGS  # ninja fails if it names a job server that is out of reach
 
-.PHONY: help demo test lint audit arm64 bench stability faults fuzz states soak twice reliability examples colcon docs clean
+.PHONY: help demo test lint audit arm64 bench stability faults fuzz states soak twice reliability examples colcon colcon-test docs clean
 .PHONY: .venv .audit-venv .bench-venv .colcon-venv .docs-venv .examples-venv
 
 help:
@@ -32,6 +32,7 @@ help:
 	@echo 'make twice      run two test suites at once on busy cores, ten times: an hour or more'
 	@echo 'make examples   run all programs in examples/; each checks its own output'
 	@echo 'make colcon     build this tree with colcon and call the installed node'
+	@echo 'make colcon-test  run the tests in such a build, as colcon does: about ten minutes'
 	@echo 'make arm64      compile the library for arm64 and run its tests under emulation'
 	@echo 'make docs       build the documentation site: pages, API, ROS interfaces'
 	@echo 'make clean      remove everything that these targets created'
@@ -98,6 +99,11 @@ colcon: .colcon-venv
 	colcon --log-level error build --symlink-install --cmake-args -G Ninja -DPython3_FIND_VIRTUALENV=FIRST \
 		-DCMAKE_PROJECT_INCLUDE="$(CURDIR)/cmake/ros_wheels.cmake" && \
 	. install/setup.sh && python test/colcon_call.py
+
+colcon-test: colcon
+	@.colcon-venv/bin/pip install -q catkin_pkg hypothesis matplotlib pytest scipy  # the test_depends of package.xml
+	@PATH="$(CURDIR)/.colcon-venv/bin:$$PATH"; export PATH AMENT_PREFIX_PATH="$(CURDIR)/.colcon-venv"; \
+	colcon --log-level error test --event-handlers console_direct+ --return-code-on-test-failure
 
 .colcon-venv:
 	@$(PYTHON) tools/setup_venv.py .colcon-venv

@@ -12,6 +12,7 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+from programs import run_python
 
 import collision_response
 from collision_response.cli import COMMANDS, main
@@ -128,8 +129,7 @@ def test_a_command_looks_for_the_wheels_of_ros_before_it_imports_ros(command):
         f"from collision_response.cli import main; main(['{command}']);"
         "print('collision_response.ros.wheels' in sys.modules)"
     )
-    done = subprocess.run([sys.executable, "-I", "-c", program], capture_output=True, text=True, check=True)
-    assert done.stdout == "True\n"
+    assert run_python("-c", program).stdout == "True\n"
 
 
 def test_importing_the_source_tree_says_what_to_do(tmp_path):

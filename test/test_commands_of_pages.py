@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import ast
 import re
-import subprocess
-import sys
 from operator import attrgetter
 from pathlib import Path
 
 import pytest
+from programs import run_python
 
 pytest.importorskip("rclpy")
 pytest.importorskip("nav_msgs")
@@ -43,7 +42,7 @@ def node(graph):
 
 @pytest.mark.parametrize("code", PYTHON, ids=["library", "client", "batch", "scene"])
 def test_the_examples_of_the_readme_run(node, code):
-    run = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True, timeout=60)
+    run = run_python("-c", code)
     (promised,) = re.findall(r"^print.*  # (.*)$", code, re.MULTILINE)
     assert (run.returncode, run.stdout.strip()) == (0, promised), run.stderr
 

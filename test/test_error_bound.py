@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 import random
 import statistics
-import subprocess
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 from itertools import product
 from pathlib import Path
 
 import pytest
+from programs import run_python
 
 pytest.importorskip("flint")
 pytest.importorskip("mpmath")
@@ -83,8 +82,7 @@ for name, arguments in dict(stability.jobs(400)).items():  # one job of each kin
 def test_every_part_of_the_stability_report_runs():
     """On a sample of what ``make stability`` runs."""
     benchmarks = Path(__file__).parents[1] / "benchmarks"
-    command = [sys.executable, "-I", "-c", REPORT, str(benchmarks)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=100)
+    done = run_python("-c", REPORT, benchmarks)
     assert done.returncode == 0, done.stderr
     assert done.stdout.split("\n") == ["drift 0", "by_condition 0", "attack_family 0", "random_piece 0", ""]
 

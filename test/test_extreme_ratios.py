@@ -15,6 +15,7 @@ from typing import NamedTuple
 import pytest
 
 pytest.importorskip("flint")
+pytest.importorskip("mpmath")
 
 import numpy as np
 from exact_adapter import exact_answer, true_error

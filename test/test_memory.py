@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import pytest
+from programs import run_python
 
 SCRIPT = """
 import resource
@@ -71,9 +69,7 @@ print("done")
 
 
 def test_too_little_memory_raises_memory_error():
-    done = subprocess.run(
-        [sys.executable, "-I", "-c", SCRIPT], capture_output=True, text=True, timeout=300, check=False
-    )
+    done = run_python("-c", SCRIPT)
     if done.stderr.startswith("there is no limit"):
         pytest.skip("this machine does not limit memory")
     assert (done.returncode, done.stderr) == (0, "")

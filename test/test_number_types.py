@@ -163,6 +163,8 @@ def _numbers(answer: Any) -> Iterator[Any]:
 def test_recordings_hold_floats(type_, tmp_path):
     """What is recorded of a request does not depend on the type of its numbers."""
     pytest.importorskip("rerun")
+    import pyarrow as pa
+
     from collision_response.recording import Recorder, scenes, table
 
     def recorded(name: str, number: Any) -> list[Any]:
@@ -183,7 +185,9 @@ def test_recordings_hold_floats(type_, tmp_path):
     for found, expected in zip(recorded("given", TYPES[type_]), recorded("floats", float), strict=True):
         assert found.num_rows == len(KINDS)
         if type_ != "Fraction":  # whose answers are rounded once
-            np.testing.assert_equal(found.to_pylist(), expected.to_pylist())
+            for name, column in zip(found.column_names, found.columns, strict=True):
+                if not pa.types.is_timestamp(column.type):  # whose nanoseconds need pandas
+                    np.testing.assert_equal(column.to_pylist(), expected[name].to_pylist())
 
 
 GOOD = dict.fromkeys(attacks.FIELDS, 0.5)

@@ -5,11 +5,10 @@ generated site.
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from programs import run_python
 from scene_cases import row_of_balls, speeds
 
 from collision_response import Law
@@ -51,7 +50,7 @@ def generated(name: str) -> str:
 
 def test_the_example_of_a_scene_prints_what_the_page_shows():
     code, _ = re.findall(r"```python\n(.*?)```", SCENES, re.DOTALL)
-    run = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True, timeout=60)
+    run = run_python("-c", code)
     printed, shown = run.stdout.strip(), generated("example").strip("`\n")
     assert re.sub(r"\s+", " ", NUMBER.sub("", printed)) == re.sub(r"\s+", " ", NUMBER.sub("", shown))
     numbers = [list(map(float, NUMBER.findall(text))) for text in (printed, shown)]
@@ -70,5 +69,5 @@ def test_the_speeds_in_the_table_of_laws_are_right(line):
 
 def test_the_example_of_many_scenes_prints_what_the_page_shows():
     _, code = re.findall(r"```python\n(.*?)```", SCENES, re.DOTALL)
-    run = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True, timeout=60)
+    run = run_python("-c", code)
     assert run.stdout.startswith("[0.5 0.5 0.5] ")

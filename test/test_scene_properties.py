@@ -5,12 +5,11 @@ from __future__ import annotations
 import functools
 import math
 import random
-import subprocess
-import sys
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from programs import run_python
 from scene_cases import (
     Scene,
     any_scene,
@@ -405,8 +404,6 @@ def test_two_far_balls_on_one_floor_are_two_clusters():
 def test_the_benchmark_checks_each_property():
     """For one scene, without violation."""
     benchmark = Path(__file__).parents[1] / "benchmarks" / "scene_properties.py"
-    ran = subprocess.run(
-        [sys.executable, "-I", benchmark, "--scenes", "1"], capture_output=True, text=True, check=True
-    )
+    ran = run_python(benchmark, "--scenes", "1")
     repeated = sum(hasattr(test, "__wrapped__") for name, test in globals().items() if "test_" in name)
     assert ran.stdout.count("\n| ") == repeated + 1
