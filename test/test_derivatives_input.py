@@ -83,7 +83,7 @@ def test_derivatives_are_equal_if_all_their_numbers_are():
     assert one == same
     for field in ("jacobian", "smoothness"):
         other = getattr(one, field).copy()
-        other[..., -1] += 1
+        other[..., -1:] += 1
         assert one != one._replace(**{field: other})
     assert one != differentiate(BODY_A, BODY_B, CONTACT, with_respect_to=["contact.friction"])
     assert one != 1

@@ -34,7 +34,7 @@ def cubes(count, e, mu, seed=1, *, tilt=0.0, speed=0.0, spin=0.0, law=Law.COULOM
     rng = np.random.default_rng(seed)
     before, contacts, after = [], [], []
     while len(before) < count:
-        turn = Rotation.random(rng=rng)
+        turn = Rotation.from_quat(rng.normal(size=4))
         corners = turn.apply(np.array(np.meshgrid(*[[-0.05, 0.05]] * 3)).reshape(3, -1).T)
         r = corners[np.argmin(corners[:, 2])]
         velocity = (*rng.normal(0, 0.8, 2), -rng.uniform(0.7, 2))

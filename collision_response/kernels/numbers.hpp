@@ -10,7 +10,7 @@
 //
 //   a + b, a - b   da + db + u |result|
 //   a b            (|a| + da) db + |b| da + u |result| + underflow
-//   a / b          (da + |a / b| db) / (|b| - db) + u |result| + underflow; infinite unless |b| > db
+//   a / b          (da + |a / b| db + underflow) / (|b| - db) + u |result| + underflow; infinite unless |b| > db
 //   root(a)        min(da / root(a), root(da)) + u |result|
 //
 // A comparison is three-valued (Truth): it is certain if the values are farther apart than the sum of their bounds,
@@ -298,9 +298,8 @@ template <class N> LONG_OPERATION Bounded<N> operator/(const Bounded<N>& a, cons
   N q = quotient_of(a.value, b.value);
   T least_divisor = magnitude(high(b.value)) - b.error * broadcast<T>(1 + slack<T>);
   T lost = magnitude(high(a.value)) + a.error > 0 ? broadcast<T>(underflow<T>) : T{};
-  // In a long division the remainder may underflow before it is divided.
-  T lost_remainder = std::is_same_v<N, T> ? T{} : lost;
-  T error = (a.error + magnitude(high(q)) * b.error + lost_remainder) / least_divisor;
+  // |q| db, and the remainder of a long division, may underflow before they are divided.
+  T error = (a.error + magnitude(high(q)) * b.error + lost) / least_divisor;
   return with_roundoff(q, choose<T>(least_divisor > 0, error + lost, broadcast<T>(__builtin_inf())));
 }
 template <class N> LONG_OPERATION Bounded<N> root(const Bounded<N>& a) {
