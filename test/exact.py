@@ -257,10 +257,11 @@ def _is_definite(tensor: Mat) -> bool:
     """Whether the moments about three conjugate axes are more than the rounding of the components."""
     x, y, _ = tensor
     axes = ((Fraction(1), Fraction(0), Fraction(0)), (-x[1], x[0], Fraction(0)), cross(x, y))
-    is_diagonal = not any(tensor[j][k] for j, k in ((0, 1), (0, 2), (1, 2)))
+    # the moments that went into the components of each axis: those of all axes that products couple to it
+    sizes = [sum(tensor[j][j] for j in range(3) if j == k or tensor[k][j] != 0) for k in range(3)]
     for axis in axes:
         moment = dot(axis, apply(tensor, axis))
-        rounding = PIVOT_LIMIT * (moment if is_diagonal else _trace(tensor) * dot(axis, axis))
+        rounding = PIVOT_LIMIT * sum(size * x**2 for size, x in zip(sizes, axis, strict=True))
         if not moment > rounding:
             return False
     return True

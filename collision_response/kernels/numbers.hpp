@@ -298,8 +298,10 @@ template <class N> LONG_OPERATION Bounded<N> operator/(const Bounded<N>& a, cons
   N q = quotient_of(a.value, b.value);
   T least_divisor = magnitude(high(b.value)) - b.error * broadcast<T>(1 + slack<T>);
   T lost = magnitude(high(a.value)) + a.error > 0 ? broadcast<T>(underflow<T>) : T{};
-  // |q| db, and the remainder of a long division, may underflow before they are divided.
-  T error = (a.error + magnitude(high(q)) * b.error + lost) / least_divisor;
+  // |q| db, and the remainder of a long division, may underflow before they are divided. If nothing can, the dividend
+  // is 0 instead of a subnormal number, whose division is slow.
+  T lost_before = std::is_same_v<N, T> ? choose<T>(b.error > 0, lost, T{}) : lost;
+  T error = (a.error + magnitude(high(q)) * b.error + lost_before) / least_divisor;
   return with_roundoff(q, choose<T>(least_divisor > 0, error + lost, broadcast<T>(__builtin_inf())));
 }
 template <class N> LONG_OPERATION Bounded<N> root(const Bounded<N>& a) {

@@ -14,7 +14,6 @@ from ..numbers.operations import (
     Condition,
     Scalar,
     all_zero,
-    certain,
     choose,
     fixed,
     for_derivatives,
@@ -341,25 +340,30 @@ def _factor(inertia: Symmetric3) -> tuple[Condition, Factor3]:
     """Whether there is inertia about every axis, and the factors of the tensor; their ``i`` are 0 if not.
 
     A pivot is the moment ``v.I v`` about an axis ``v``: ``(1, 0, 0)``, ``(-l_yx, 1, 0)`` and
-    ``(l_zy l_yx - l_zx, -l_zy, 1)``. It counts as 0 if it may be rounding of the components of ``I``. If
-    there are products of inertia, the tensor was rotated or is a sum over parts. Then each component has
-    roundings of the size of the trace, and they change a pivot by up to a small multiple of ``tr(I) v.v``.
+    ``(l_zy l_yx - l_zx, -l_zy, 1)``. Roundings of the components of ``I`` change it by up to a small multiple
+    of ``v.D v``, where ``D`` is the diagonal of ``I``. A thin rod may lie along any axis, so its moment about
+    itself counts as 0 up to that size, which may be much greater than the diagonal entry of the pivot.
+
+    If a product of inertia couples two axes, the tensor was rotated or is a sum over parts, and the moments
+    about both axes went into each component. So ``D`` has the moments of coupled axes added to its own.
     """
     xx, xy, xz, yy, yz, zz = inertia
-    is_diagonal = all_zero(map(fixed, (xy, xz, yz)))
-    trace = fixed(xx) + fixed(yy) + fixed(zz)
+    X, Y, Z = map(fixed, (xx, yy, zz))
 
-    def size_of(moment: Scalar, *v: Scalar) -> Scalar:
-        vv = sum((fixed(x) * fixed(x) for x in v), start=1)
-        return choose(is_diagonal, lambda: fixed(moment), lambda: trace * vv)
+    def coupled(product: Scalar, moment: Scalar) -> Scalar:
+        return choose(fixed(product) == 0, lambda: moment * 0, lambda: moment)
 
-    has_x, i_x = _inverse_pivot(xx, size_of(xx), xy, xz)
+    D_x = X + coupled(xy, Y) + coupled(xz, Z)
+    D_y = Y + coupled(xy, X) + coupled(yz, Z)
+    D_z = Z + coupled(xz, X) + coupled(yz, Y)
+    has_x, i_x = _inverse_pivot(xx, D_x, xy, xz)
     l_yx, l_zx = xy * i_x, xz * i_x
     w = yz - l_zx * xy
-    has_y, i_y = _inverse_pivot(yy - l_yx * xy, size_of(yy, l_yx), l_yx, w)
+    has_y, i_y = _inverse_pivot(yy - l_yx * xy, D_y + fixed(l_yx * xy), l_yx, w)
     l_zy = w * i_y
     v_x = l_zy * l_yx - l_zx
-    has_z, i_z = _inverse_pivot(zz - l_zx * xz - l_zy * w, size_of(zz, v_x, l_zy), v_x, l_zy)
+    v_Dv = D_x * fixed(v_x) * fixed(v_x) + D_y * fixed(l_zy) * fixed(l_zy) + D_z
+    has_z, i_z = _inverse_pivot(zz - l_zx * xz - l_zy * w, v_Dv, v_x, l_zy)
     is_definite = has_x & has_y & has_z
     i = choose(is_definite, lambda: (i_x, i_y, i_z), lambda: (0, 0, 0))
     return is_definite, Factor3(l_yx, l_zx, l_zy, *i)
@@ -373,7 +377,7 @@ def _inverse_pivot(value: Scalar, size: Scalar, *couplings: Scalar) -> tuple[Con
     respect to them. For numbers that carry derivatives the comparison is then exactly on its edge and varies
     with them, which marks the jump.
     """
-    rounding = certain(size * (ROUNDINGS * given_roundoff(size)))
+    rounding = size * (ROUNDINGS * given_roundoff(size))
     is_inertia = value > rounding
 
     def with_couplings() -> Scalar:
