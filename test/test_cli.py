@@ -129,7 +129,9 @@ def test_a_command_looks_for_the_wheels_of_ros_before_it_imports_ros(command):
         f"from collision_response.cli import main; main(['{command}']);"
         "print('collision_response.ros.wheels' in sys.modules)"
     )
-    assert run_python("-c", program).stdout == "True\n"
+    done = run_python("-c", program)
+    done.check_returncode()
+    assert done.stdout == "True\n"
 
 
 def test_importing_the_source_tree_says_what_to_do(tmp_path):

@@ -217,9 +217,9 @@ class TestStart:
 
     def test_the_installed_package_declares_its_requirements(self):
         try:
-            needed = metadata.requires("collision_response")
+            installed = metadata.distribution("collision_response")
         except metadata.PackageNotFoundError:
-            needed = None
-        if needed is None:
             pytest.skip("built with colcon")
-        assert pins("\n".join(needed)).keys() >= {"ros-rclpy", "ros-geometry-msgs"}
+        if installed.read_text("INSTALLER") is None:
+            pytest.skip("built with colcon, in an environment that has other metadata")
+        assert pins("\n".join(installed.requires or [])).keys() >= {"ros-rclpy", "ros-geometry-msgs"}

@@ -405,5 +405,6 @@ def test_the_benchmark_checks_each_property():
     """For one scene, without violation."""
     benchmark = Path(__file__).parents[1] / "benchmarks" / "scene_properties.py"
     ran = run_python(benchmark, "--scenes", "1")
+    ran.check_returncode()
     repeated = sum(hasattr(test, "__wrapped__") for name, test in globals().items() if "test_" in name)
     assert ran.stdout.count("\n| ") == repeated + 1

@@ -169,7 +169,8 @@ struct PathWithFriction : ContactSprings {
   }
 
   // Where a slip reverses within a step, or where friction stops a slip that it cannot hold, friction has the wrong
-  // direction for a part of a stage, in the whole step and in its halves alike: comparing them may not notice it.
+  // direction for a part of a stage, in the whole step and in its halves alike: comparing them may not notice it. Slips
+  // of twice `enough` may be what sweeps leave of none.
   struct Reversal {
     double error, fraction;  // of slips, at most; of the step, after which the first of them has nearly stopped
   };
