@@ -15,7 +15,14 @@ from collision_response.scene.rational_cluster import RationalCluster
 MU = 0.3
 
 SOURCE = """
-#include "scene/cluster.hpp"
+#include "scene/cluster.cpp"
+#include "scene/effect.cpp"
+#include "scene/least_norm.cpp"
+#include "validity_everything.hpp"
+
+void check_everything(const double* input, double* fault, bool* flags) {
+  validity<double>(input, nullptr, fault, flags);
+}
 
 // Whether impulses on the four contacts of a point mass that falls and slides along x break mechanics.
 extern "C" bool is_unphysical(double e, double mu, const double* normal, const double* tangential) {

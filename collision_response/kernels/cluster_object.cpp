@@ -2,8 +2,9 @@
 #include <memory>
 
 #include "module.hpp"
-#include "scene/cluster.hpp"
+#include "scene/projection.hpp"
 #include "scene/read_scene.hpp"
+#include "scene/resolve_cluster.hpp"
 
 namespace {
 

@@ -9,9 +9,6 @@
 
 using ImpactKernel = void (*)(const double* input, const double* error, ImpactResult* result);
 
-extern "C" void check_everything(const double* input, double* fault, bool* flags);
-extern "C" void check_articulated(const double* input, double* fault, bool* flags);
-
 #define IMPACT_KERNEL(name, ...) extern "C" void impact_##name(const double*, const double*, ImpactResult*);
 #define BATCH_KERNEL(name, ...) extern "C" void batch_##name(const Batch&, long, long);
 #include "kernels.inc"

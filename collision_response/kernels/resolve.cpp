@@ -1,6 +1,7 @@
 // One impact: take named tuples apart, pick and call a kernel, make an Impact.
 #include "resolve.hpp"
 
+#include "check.hpp"
 #include "module.hpp"
 #include "read_numbers.hpp"
 #include "suitable_units.hpp"

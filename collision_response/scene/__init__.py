@@ -15,7 +15,7 @@ From the request to its answer:
     order_sensitivity.py  how much the answer depends on the order of impacts, if asked for
 
 Each law has its derivation and its sources at the head of one file: FRICTIONLESS in ``reflections.py``,
-the others in ``coulomb.hpp``, ``moreau.hpp`` and ``stronge.hpp`` of ``kernels/scene/``.
+the others in ``coulomb.cpp``, ``moreau.cpp`` and ``stronge.cpp`` of ``kernels/scene/``.
 
 There are two kinds of cluster: ``Cluster`` of ``kernels/cluster_object.cpp``, in double-double with a bound
 on its error, and the exact :class:`~collision_response.scene.rational_cluster.RationalCluster`, which

@@ -41,7 +41,7 @@ class ImpulseEffect(NamedTuple):
 
 
 class ClusterResult(NamedTuple):
-    """The result of a law for a cluster: ``ClusterResult`` of ``kernels/scene/cluster.hpp``.
+    """The result of a law for a cluster: ``ClusterResult`` of ``kernels/scene/resolve_cluster.hpp``.
 
     Attributes:
         code: how it ended, as a :class:`~collision_response.StatusCode`; UNSET if only fractions may decide.

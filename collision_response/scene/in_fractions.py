@@ -1,9 +1,9 @@
 """A law for one cluster in fractions: for rational scenes, and for what the kernels leave undecided.
 
-A cluster is left undecided in three cases, which ``resolve_cluster`` of ``kernels/scene/cluster.hpp``
-describes: contacts lock, it is uncertain whether a contact approaches, or whether one reaches the threshold
-of reflections. In clusters of at most ``RATIONAL_CONTACTS`` contacts, fractions then find the impulses
-without friction; the kernels compute friction, and what the impulses do.
+A cluster is left undecided in three cases, which ``kernels/scene/resolve_cluster.hpp`` describes: contacts
+lock, it is uncertain whether a contact approaches, or whether one reaches the threshold of reflections. In
+clusters of at most ``RATIONAL_CONTACTS`` contacts, fractions then find the impulses without friction; the
+kernels compute friction, and what the impulses do.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from .request import SceneOptions
 
 
 class Decided(NamedTuple):
-    """What fractions have decided about a cluster, for ``resolve_cluster`` of ``kernels/scene/cluster.hpp``.
+    """What fractions have decided about a cluster, for ``kernels/scene/resolve_cluster.hpp``.
 
     Attributes:
         normal: the impulses without friction, along the normals; empty if they are not known.

@@ -1,14 +1,9 @@
-// The contacts of a cluster as springs, for the paths of ROUTH_STRONGE, whose equation stronge.hpp derives. All numbers
+// The contacts of a cluster as springs, for the paths of ROUTH_STRONGE, whose equation stronge.cpp derives. All numbers
 // are doubles, along the axes of each contact, in units near the speeds and masses: powers of two, so that no square
 // overflows or underflows.
 #pragma once
+#include "laws.hpp"
 #include "motion.hpp"
-
-struct SpringOptions {
-  Vector stiffness{};  // of each contact, in any unit; empty: all are equal
-  double exponent = 1.5;  // eta
-  long work = 0;  // budget of all paths together, roughly in nanoseconds
-};
 
 // The springs, and what is known of a path.
 struct ContactSprings {

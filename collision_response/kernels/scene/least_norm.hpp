@@ -3,31 +3,6 @@
 #pragma once
 #include "assembly.hpp"
 
-// The effects of impulses: the products of those of all pairs of contacts, scaled to a diagonal of 1, in the digits of R.
-// To the velocities, moving walls add their work, which impulses of the same effect must not change either.
-template <class R>
-struct Effects {
-  Vector u, scale;
-  double fastest = 0;
-  std::vector<R> matrix;
-
-  explicit Effects(const Assembly& assembly)
-      : u(assembly.count), scale(assembly.count), matrix(assembly.couplings<R>()) {
-    const int count = assembly.count;
-    const std::vector<AssembledContact>& contacts = assembly.contacts;
-    for (const AssembledContact& contact : contacts)
-      fastest = std::fmax(fastest, std::fabs(high(contact.velocity)) * contact.scale);
-    for (int i = 0; i < count; ++i) {
-      u[i] = assembly.walls_move_apart && fastest > 0 ? high(contacts[i].velocity) * contacts[i].scale / fastest : 0;
-      scale[i] = contacts[i].scale / std::sqrt(1 + u[i] * u[i]);
-    }
-    auto factor = [&](int i) { return constant<R>(scale[i] / contacts[i].scale); };
-    for (int i = 0; assembly.walls_move_apart && i < count; ++i)
-      for (int j = 0; j < count; ++j)
-        matrix[i * count + j] = factor(i) * factor(j) * (matrix[i * count + j] + constant<R>(u[i]) * constant<R>(u[j]));
-  }
-};
-
 // Impulses that do next to nothing: a basis, with one for each contact that depends on others.
 struct NullImpulses {
   std::vector<std::vector<DD>> basis;
@@ -35,186 +10,15 @@ struct NullImpulses {
   bool are_complete = true;  // whether no contact was left out because the effect of its impulses is too great
 };
 
-// Effects up to which they may be rounding, relative to those of the single impulses, which cancel; and up to which
-// refining null impulses still gains digits.
-constexpr double NO_EFFECT = 0x1p-93, LEAST_EFFECT = 0x1p-98;
-
-// Find null impulses by pivots up to `dependent`, in the digits of R, and refine them until their effects are `enough`.
-// Left out are those whose effect, squared, is `most` or greater.
-template <class R>
-NullImpulses null_impulses_in(const Assembly& assembly, double enough, double dependent, double most) {
-  constexpr int REFINEMENTS = 3;
-  const int count = assembly.count;
-  const std::vector<AssembledContact>& contacts = assembly.contacts;
-  const Effects<R> effects(assembly);
-  const Vector &u = effects.u, &scale = effects.scale;
-  const double fastest = effects.fastest;
-  ActiveSet<R> basis(effects.matrix.data(), count);
-  NullImpulses found;
-  std::vector<R> w;
-  for (int i : basis.span(assembly.all_contacts(), dependent)) {
-    std::vector<DD> z(count);
-    basis.line(i, w);
-    z[i].h = scale[i];
-    for (size_t m = 0; m < w.size(); ++m)
-      z[basis.members[m]] = lifted<DD>(w[m] * constant<R>(-scale[basis.members[m]]));
-    // These digits take its effect for 0: compute that in double-double, and refine z until it is 0.
-    double square = 0;
-    bool is_exact = false;
-    for (int turn = 0;; ++turn) {
-      std::vector<N> twists = assembly.twist_changes(z.data());
-      N total = exact(0.0);
-      for (int n = 0; assembly.walls_move_apart && n < count; ++n) total = total + contacts[n].velocity * exact(z[n]);
-      const double work = fastest > 0 ? high(total) / fastest : 0;
-      square = work * work * 1e-6;  // the velocities of walls are known to fewer digits
-      for (int n = 0; n < count; ++n)
-        if (z[n].h != 0) square += z[n].h * high(assembly.velocity_change(contacts[n], twists));
-      double size = std::fabs(work);  // of the effect, in the norm of error_bound
-      for (int b = 0; b < assembly.body_count; ++b) {
-        double rounded[6];
-        for (int k = 0; k < 6; ++k) rounded[k] = high(twists[6 * b + k]);
-        size += twist_size(assembly.bodies[b].x, rounded);
-      }
-      const double terms = assembly.velocity_size(z.data());
-      is_exact = size <= NO_EFFECT * terms;
-      if (size <= enough * terms || turn == REFINEMENTS) break;
-      for (size_t m = 0; m < w.size(); ++m) {
-        int j = basis.members[m];
-        const double change = high(assembly.velocity_change(contacts[j], twists));
-        w[m] = constant<R>(-(change + u[j] / contacts[j].scale * work) * scale[j]);
-      }
-      basis.solve(w.data());
-      for (size_t m = 0; m < w.size(); ++m)
-        z[basis.members[m]] = z[basis.members[m]] + lifted<DD>(w[m] * constant<R>(scale[basis.members[m]]));
-    }
-    if (!(std::fabs(square) < most)) {
-      found.are_complete = false;
-      basis.append(i);  // others may depend on it
-      continue;
-    }
-    found.basis.push_back(std::move(z));
-    found.are_exact = found.are_exact && is_exact;
-  }
-  return found;
-}
-
 constexpr double NEXT_TO_NOTHING = 1e-26;  // the square of an effect that is 0 to 13 digits
 
-// The impulses that do next to nothing. In doubles, contacts of very light bodies seem to depend on each other, and hide
-// those that do.
-inline NullImpulses null_impulses(const Assembly& assembly, double enough) {
-  NullImpulses found = null_impulses_in<double>(assembly, enough, DEPENDENT<double>, NEXT_TO_NOTHING);
-  return found.are_complete ? found : null_impulses_in<DD>(assembly, enough, NEXT_TO_NOTHING, NEXT_TO_NOTHING);
-}
+// The impulses that do next to nothing.
+NullImpulses null_impulses(const Assembly& assembly);
 
-// Rounding of impulses, relative to the greatest.
-template <class R> constexpr double ROUNDING = is_scalar<R> ? 0x1p-46 : 0x1p-88;
+// Replace p by the p + Z z >= 0 of least norm, for null impulses Z. Returns whether p is known. Contacts that Z changes by
+// up to `left_out` of its norm are left out, whatever basis Z is.
+bool minimise_norm(const Assembly& assembly, std::vector<DD>& p, const std::vector<std::vector<DD>>& Z,
+                   double left_out = 0);
 
-// The multipliers of the impulses that are 0, relative to the greatest impulse, from which on the others are not known:
-// they grow with what these would be if rounding let the former be less than 0.
-constexpr double GREATEST_MULTIPLIERS = 1e9;
-
-// Replace p by the p + Z z >= 0 of least norm. Components of Z up to SMALL may be rounding, and do not keep p from
-// changing. Returns whether p is known: multipliers are not too great, and no such component changes an impulse by more
-// than it is. Contacts that Z changes by up to `left_out` of its norm are left out, whatever basis Z is.
-template <class R>
-bool minimise_norm(const Assembly& assembly, std::vector<R>& p, bool over_copies,
-                   const std::vector<std::vector<DD>>& basis, double left_out = 0) {
-  constexpr double SMALL = is_scalar<R> ? 1e-10 : 1e-14;
-  const int count = assembly.count;
-  std::vector<std::vector<R>> Z(basis.size(), std::vector<R>(count));
-  std::vector<std::vector<int>> used(basis.size());  // the contacts for which each of them is not 0
-  std::vector<R> P(count);
-  Vector weight(count), terms(count);  // terms: the sum of the sizes of what P is the sum of
-  for (int i = 0; i < count; ++i) {
-    weight[i] = assembly.contacts[i].length / (over_copies ? std::sqrt(assembly.contacts[i].copies) : 1);
-    P[i] = weight[i] * p[i];
-    terms[i] = std::fabs(high(P[i]));
-    for (size_t k = 0; k < Z.size(); ++k) Z[k][i] = weight[i] * rounded_to<R>(exact(basis[k][i]));
-  }
-  auto along = [&](const std::vector<R>& x, size_t k) {
-    R sum{};
-    for (int i : used[k]) sum += Z[k][i] * x[i];
-    return sum;
-  };
-  auto add = [&](std::vector<R>& x, const R& by, size_t k) {
-    for (int i : used[k]) x[i] += by * Z[k][i];
-  };
-  for (size_t k = 0; k < Z.size(); ++k) {  // make Z orthonormal: twice is enough
-    for (int turn = 0; turn < 2; ++turn)
-      for (size_t before = 0; before < k; ++before) add(Z[k], -along(Z[k], before), before);
-    const R length = root(dot(Z[k], Z[k]));
-    for (int i = 0; i < count; ++i) {
-      R& x = Z[k][i];
-      x = x / length;
-      if (std::fabs(high(x)) < ROUNDING<R>) x = R{};
-      else used[k].push_back(i);
-    }
-  }
-  Vector share(count);  // how much Z changes each contact, squared
-  for (const auto& z : Z)
-    for (int i = 0; i < count; ++i) share[i] += high(z[i]) * high(z[i]);
-  for (size_t k = 0; k < Z.size(); ++k) {
-    std::vector<int> kept;
-    for (int i : used[k])
-      if (share[i] < left_out * left_out) Z[k][i] = R{};
-      else kept.push_back(i);
-    used[k] = std::move(kept);
-  }
-  const std::vector<R> given = P;
-  auto add_to_P = [&](const R& by, size_t k) {
-    add(P, by, k);
-    for (int i : used[k]) terms[i] += std::fabs(high(by * Z[k][i]));
-  };
-  for (size_t k = 0; k < Z.size(); ++k) add_to_P(-along(P, k), k);
-  // P + Z Z^T x >= 0, x >= 0: the dual is again a quadratic programme, scaled to a unit diagonal.
-  std::vector<R> b(count), s(count), dual(static_cast<size_t>(count) * count);
-  for (size_t k = 0; k < Z.size(); ++k)
-    for (int i : used[k])
-      for (int j : used[k]) dual[i * count + j] += Z[k][i] * Z[k][j];
-  std::vector<int> among;
-  double greatest = 0;
-  for (int i = 0; i < count; ++i) {
-    greatest = std::fmax(greatest, std::fabs(high(P[i])));
-    const R square = dual[i * count + i];
-    if (!(high(square) > SMALL * SMALL)) continue;
-    s[i] = constant<R>(1) / root(square);
-    among.push_back(i);
-  }
-  for (int i : among)
-    for (int j : among) dual[i * count + j] = i == j ? constant<R>(1) : dual[i * count + j] * s[i] * s[j];
-  auto with_room = [&](double least) {
-    for (int i : among) b[i] = (P[i] + least * greatest) * s[i];
-    return minimise(dual, b, among);
-  };
-  Minimum<R> solved = with_room(0);
-  // Where impulses are just 0, rounding may leave no solution without some room below 0. The less the better: where
-  // normals are nearly parallel, others change by many times as much.
-  double room = 0;
-  for (double more : {1e-30, 1e-27, 1e-24, 1e-18, 1e-13, 1e-9})
-    if (more > Traits<R>::roundoff && solved.status != MinimumStatus::FOUND) solved = with_room(room = more);
-  if (solved.status != MinimumStatus::FOUND) return false;
-  std::vector<R> x(count);
-  double multipliers = 0;
-  for (int i : among) {
-    x[i] = solved.x[i] * s[i];
-    multipliers += std::fabs(high(solved.x[i]));
-  }
-  for (size_t k = 0; k < Z.size(); ++k) add_to_P(along(x, k), k);
-  bool is_known = multipliers <= GREATEST_MULTIPLIERS * greatest;
-  for (int i = 0; i < count; ++i) {
-    const double change = std::fabs(high(P[i] - given[i]));
-    if (high(s[i]) == 0) is_known = is_known && (change < high(given[i]) || change <= ROUNDING<R> * greatest);
-    // The room of all contacts may add up at one.
-    const double none = std::fmax(ROUNDING<R> * terms[i], count * room * greatest);
-    p[i] = high(x[i]) > 0 || high(P[i]) <= none ? R{} : P[i] / weight[i];
-  }
-  return is_known;
-}
-
-// Replace p by the impulses >= 0 of the same effect with the least sum of n.n p^2, over all copies of contacts if
-// `over_copies`.
-inline void least_norm(const Assembly& assembly, Vector& p, bool over_copies) {
-  const NullImpulses found = null_impulses(assembly, NO_EFFECT);
-  if (!found.basis.empty()) minimise_norm(assembly, p, over_copies, found.basis);
-}
+// Replace p by the impulses >= 0 of the same effect with the least sum of n.n p^2, over all copies of contacts.
+void least_norm(const Assembly& assembly, Vector& p);

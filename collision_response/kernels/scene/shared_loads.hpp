@@ -5,11 +5,7 @@
 // are shared takes less, as the fourth corner of a box whose corners are slightly off a plane; and so does one whose load
 // may be rounding.
 #pragma once
-#include <optional>
-
-#include "cones.hpp"
-#include "contact_cones.hpp"
-#include "least_norm.hpp"
+#include "assembly.hpp"
 
 // The impulses of contacts in units that make n.K n of each 1: each is the change of its velocity by itself, times the
 // square root of the effective mass.
@@ -20,107 +16,6 @@ inline Vector loads_of(const Assembly& assembly, const std::vector<DD>& p) {
 }
 inline double greatest_of(const Vector& loads) { return *std::max_element(loads.begin(), loads.end()); }
 
-constexpr double SHARING = 1e-9;  // for contacts whose normals or lever arms differ by 3e-5
-
-// The velocity that walls have on average, over all contacts. The work of walls is that which an observer sees who moves
-// with it, so that it is the same for every observer.
-inline std::array<double, 3> mean_velocity_of_walls(const Assembly& assembly) {
-  std::array<double, 3> mean{};
-  double count = 0;
-  for (const AssembledContact& contact : assembly.contacts)
-    for (int side = 0; side < 2; ++side) {
-      count += contact.body[side] < 0;
-      for (int k = 0; contact.wall[side] >= 0 && k < 3; ++k)
-        mean[k] += assembly.walls[contact.wall[side]].x[BODY_VELOCITY_X + k];
-    }
-  for (double& one : mean) one /= std::fmax(count, 1);
-  return mean;
-}
-// The part of a wall in the normal velocity of a contact, for an observer who moves with `drift`.
-inline DD wall_velocity(const Assembly& assembly, const AssembledContact& contact, int side,
-                        const std::array<double, 3>& drift) {
-  DD velocity{};
-  for (int k = 0; k < 3; ++k) velocity -= (side ? -drift[k] : drift[k]) * DD{contact.normal[k], 0};
-  for (int k = 0; contact.wall[side] >= 0 && k < 6; ++k)
-    velocity += assembly.walls[contact.wall[side]].x[BODY_VELOCITY_X + k] * value(contact.jacobian[side][k]);
-  return velocity;
-}
-
-// The loads >= 0 of nearly the same effect with nearly the least norm: those that minimise the square of the difference
-// in the effect, plus SHARING times the norm. Walls that move apart are one more body, which their work moves.
-inline Vector share_nearly(const Assembly& assembly, const Vector& loads) {
-  const int count = assembly.count, walls = assembly.body_count;
-  const double greatest = greatest_of(loads);
-  double fastest = 0, mean = 0;
-  for (const AssembledContact& contact : assembly.contacts) {
-    fastest = std::fmax(fastest, std::fabs(high(contact.velocity)) * contact.scale);
-    mean += contact.unit() * contact.unit() / count;
-  }
-  const std::array<double, 3> drift = mean_velocity_of_walls(assembly);
-  Cones<DD> programme(walls + assembly.walls_move_apart);
-  for (int i = 0; i < count; ++i) {
-    const AssembledContact& contact = assembly.contacts[i];
-    Cone<DD> cone = cone_of(contact, assembly.axes_of<DD>(contact), 1, 1 / mean);
-    cone.mu = 0;
-    for (int side = 0; side < 2 && assembly.walls_move_apart; ++side)
-      if (contact.body[side] < 0) {
-        cone.body[side] = walls;
-        if (fastest > 0) cone.row[side][0][0] = contact.scale / fastest * wall_velocity(assembly, contact, side, drift);
-      }
-    programme.cones.push_back(cone);
-    programme.P.push_back({DD{loads[i] / greatest, 0}, DD{}, DD{}});
-  }
-  programme.aim_at(programme.motion());
-  programme.prepare();
-  programme.solve_from_zero(1 / SHARING);
-  Vector shared;
-  for (const auto& P : programme.P) shared.push_back(P[0].h * greatest);
-  return shared;
-}
-
-constexpr double NO_SHARE = 1e-8;  // components of impulses that do nothing
-
-// Which part contacts take whose loads rounding may decide, relative to the greatest load: none up to `none`, where the
-// load may be all rounding, and the full part from `full` on. Both limits grow as contacts depend on each other more
-// nearly; of those that depend so nearly that half of the digits are lost, any load may be rounding. Next to these, a
-// projection is known to half of the digits: the gap, which is rounded, bounds the square of its error.
-struct RoundedLoads {
-  Vector none, full;
-
-  explicit RoundedLoads(const Assembly& assembly) : none(assembly.count, INFINITY), full(assembly.count, INFINITY) {
-    constexpr double ROUNDING = 0x1p-72, ROUNDING_OF_PROJECTION = 0x1p-50;
-    ActiveSet<DD> basis(assembly.couplings<DD>().data(), assembly.count);
-    const std::vector<int> dependent = basis.span(assembly.all_contacts(), NEARLY_DEPENDENT);
-    const std::vector<DD> diagonal = basis.diagonal_of_inverse();
-    for (size_t k = 0; k < diagonal.size(); ++k) {
-      none[basis.members[k]] = dependent.empty() ? 0 : ROUNDING_OF_PROJECTION * std::sqrt(diagonal[k].h);
-      full[basis.members[k]] = ROUNDING * diagonal[k].h;
-    }
-    std::vector<DD> w;
-    for (int i : dependent) {
-      basis.line(i, w);
-      for (size_t k = 0; k < w.size(); ++k)
-        if (std::fabs(w[k].h) > NO_SHARE) full[basis.members[k]] = INFINITY;
-    }
-  }
-  double part_of(int contact, double load) const { return load > none[contact] ? load / full[contact] : 0; }
-};
-
-// Loads relative to the greatest of the body that has less, and at least to `least`.
-inline Vector relative_loads(const Assembly& assembly, const Vector& loads, double least) {
-  Vector relative(assembly.count), most(assembly.body_count);  // most: the greatest load of each body
-  for (int i = 0; i < assembly.count; ++i)
-    for (int body : assembly.contacts[i].body)
-      if (body >= 0) most[body] = std::fmax(most[body], loads[i]);
-  for (int i = 0; i < assembly.count; ++i) {
-    double nearby = INFINITY;
-    for (int body : assembly.contacts[i].body)
-      if (body >= 0) nearby = std::fmin(nearby, most[body]);
-    relative[i] = loads[i] / std::fmax(nearby, least);
-  }
-  return relative;
-}
-
 struct SharedLoads {
   Vector loads;  // of contacts that take full part, nearly shared loads where some contact needs them
   double greatest;
@@ -128,43 +23,4 @@ struct SharedLoads {
 };
 
 // Share the loads of impulses p.
-inline SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p) {
-  constexpr double SMALL = 1e-10, LEAST = 1e-6;  // a load, relative to those of its bodies; a part
-  constexpr double NEVER_ROUNDING = 1e-6;  // a load, also relative: from here on, rounding does not decide it
-  constexpr double NO_LOAD = 1e-20;  // relative to the greatest: where impulses cancel, it is rounding
-  const int count = assembly.count;
-  std::vector<DD> shared = p;
-  const NullImpulses null = null_impulses(assembly, LEAST_EFFECT);
-  if (!null.basis.empty()) minimise_norm(assembly, shared, false, null.basis, NO_SHARE);
-  auto is_independent = [&](int i) {
-    const double none = NO_SHARE * assembly.contacts[i].scale;
-    return std::all_of(null.basis.begin(), null.basis.end(),
-                       [&](const std::vector<DD>& z) { return std::fabs(z[i].h) < none; });
-  };
-  const Vector loads = loads_of(assembly, shared);
-  const double greatest = greatest_of(loads);
-  SharedLoads result{loads, greatest, Vector(count)};
-  const Vector exactly = relative_loads(assembly, loads, NO_LOAD * greatest);
-  std::optional<RoundedLoads> rounded;  // found if needed
-  Vector nearly_shared, nearly;  // the same
-  for (int i = 0; i < count; ++i) {
-    double part = exactly[i] > SMALL && loads[i] > NO_LOAD * greatest;
-    if (exactly[i] < NEVER_ROUNDING && loads[i] > 0 && is_independent(i)) {
-      if (!rounded) rounded.emplace(assembly);
-      part = rounded->part_of(i, loads[i] / greatest);
-    }
-    if (!(part >= 1)) {
-      // Sharing gives loads of about SHARING to bodies that have none.
-      if (nearly.empty()) {
-        nearly_shared = share_nearly(assembly, loads);
-        nearly = relative_loads(assembly, nearly_shared, SHARING / LEAST * greatest);
-      }
-      part = std::fmax(part, nearly[i]);
-    }
-    result.part[i] = part > LEAST ? std::fmin(part, 1) : 0;
-  }
-  // Loads that small differences decide are known to few digits, those that are nearly shared to all.
-  for (int i = 0; i < count && !nearly.empty(); ++i)
-    if (result.part[i] >= 1) result.loads[i] = nearly_shared[i];
-  return result;
-}
+SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p);

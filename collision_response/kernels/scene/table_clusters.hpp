@@ -1,7 +1,7 @@
 // Resolve clusters whose bodies and contacts are columns of tables: see batch/resolve_scenes.py.
 #pragma once
 #include "../arrays.hpp"
-#include "cluster.hpp"
+#include "resolve_cluster.hpp"
 
 // The tables, and the arrays for the results. Each quantity is a row of a table, each body or contact a column.
 struct TableClusters {

@@ -43,7 +43,7 @@ STEPPED = (Law.COMPLIANT,)
 """The laws that always integrate in steps. More digits do not improve them, so one kernel serves all."""
 
 CLUSTER_LAWS = (Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE)
-"""The laws that resolve clusters of several contacts, too; ``kernels/scene/cluster.hpp`` calls them."""
+"""The laws that resolve clusters of several contacts, too: see ``kernels/scene/laws.hpp``."""
 
 __all__ = [
     "BY_SPEED",

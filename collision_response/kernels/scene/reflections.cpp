@@ -1,13 +1,14 @@
 // FRICTIONLESS: generalised reflections in double-double. scene/reflections.py derives them, and computes them in
 // fractions by the same steps.
-#pragma once
 #include <map>
 #include <optional>
 
-#include "impulses.hpp"
+#include "laws.hpp"
 #include "least_norm.hpp"
 #include "projection.hpp"
 #include "residual_bound.hpp"
+
+namespace {
 
 constexpr size_t KEPT_SETS = 200;  // of contacts, as each takes memory for all contacts
 
@@ -125,10 +126,10 @@ struct Reflections {
       if (!(high(after[i]) > width(after[i]) + first.error / assembly.contacts[i].scale)) pressed.push_back(i);
     if (are_equal(pressed)) return {most, 0};
     std::vector<DD> shared = q;
-    const NullImpulses null = null_impulses(assembly, LEAST_EFFECT);
+    const NullImpulses null = null_impulses(assembly);
     const std::vector<std::vector<DD>>& Z = null.basis;
     const bool is_unique = Z.empty();
-    const bool is_known = is_unique || minimise_norm(assembly, shared, false, Z);
+    const bool is_known = is_unique || minimise_norm(assembly, shared, Z);
     // In units near the greatest, because the works may be out of the range of doubles.
     double fastest = 0, greatest = 0;
     for (int i = 0; i < assembly.count; ++i) {
@@ -212,9 +213,11 @@ struct Reflections {
   }
 };
 
-// The impulses of FRICTIONLESS. If bounds leave open which contacts approach, finer ones may tell.
-inline ClusterImpulses reflections(const Assembly& assembly, double threshold) {
+}  // namespace
+
+ClusterImpulses reflections(const Assembly& assembly, double threshold) {
   const ClusterImpulses found = Reflections{assembly}.resolve(threshold);
   if (found.error < INFINITY || assembly.is_locked) return found;
+  // Bounds leave open which contacts approach: finer ones may tell.
   return Reflections{assembly, true}.resolve(threshold);
 }

@@ -30,14 +30,17 @@
 // Sources: Kaufman, Sueda, James & Pai, "Staggered Projections for Frictional Contact in Multibody Systems", ACM Trans.
 // Graph. 27 (2008), for maximal dissipation over actual cones; Smith et al. 2012 (see scene/reflections.py), for
 // friction after reflections.
-#pragma once
-#include "impulses.hpp"
+#include "cones.hpp"
+#include "contact_cones.hpp"
+#include "laws.hpp"
 #include "motion.hpp"
 #include "projection.hpp"
 #include "shared_loads.hpp"
 
+namespace {
+
 // The error of y, in units of `speed`, that makes the error bound of an answer `bound`.
-inline double error_for_bound(const Assembly& assembly, const Vector& y, double bound) {
+double error_for_bound(const Assembly& assembly, const Vector& y, double bound) {
   double largest = 0, worst = 0;
   for (int b = 0; b < assembly.body_count; ++b) {
     double twist[6];
@@ -55,7 +58,7 @@ constexpr double DEFAULT_TOLERANCE = 1e-6;  // greatest error bound wanted, if n
 // basis S of these, and the roots a of the diagonal of A_SS^-1,
 //
 //     lambda_S = A_SS^-1 u+     |lambda_s| <= a_s sqrt(u+.A_SS^-1 u+) <= a_s sum a_i |u_i+|
-inline Vector sticking_multipliers(const Assembly& assembly, const std::vector<int>& loaded, const Vector& u) {
+Vector sticking_multipliers(const Assembly& assembly, const std::vector<int>& loaded, const Vector& u) {
   ActiveSet<DD> basis(assembly.couplings<DD>().data(), assembly.count);  // beside heavy bodies, doubles lose its digits
   basis.span(loaded, NEARLY_DEPENDENT);
   const std::vector<DD> diagonal = basis.diagonal_of_inverse();
@@ -235,10 +238,9 @@ struct LeastWork {
   }
 };
 
-// The impulses of COULOMB, from the frictionless ones. If none of the loaded contacts has friction, these are the result.
-// `tolerance`: greatest error bound wanted, or 0.
-inline ClusterImpulses least_work_friction(const Assembly& assembly, const ClusterImpulses& frictionless,
-                                           double tolerance) {
+}  // namespace
+
+ClusterImpulses least_work_friction(const Assembly& assembly, const ClusterImpulses& frictionless, double tolerance) {
   if (!(greatest_of(loads_of(assembly, frictionless.normal)) > 0)) return frictionless;
   return LeastWork(assembly, frictionless, tolerance > 0 ? tolerance : DEFAULT_TOLERANCE).resolve();
 }

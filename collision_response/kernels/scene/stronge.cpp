@@ -19,24 +19,16 @@
 //
 // Source: Liu, Zhao & Brogliato, "Frictionless Multiple Impacts in Multibody Systems. I. Theoretical Framework", Proc.
 // R. Soc. A 464 (2008).
-#pragma once
 #include "effect.hpp"
+#include "laws.hpp"
 #include "path_with_friction.hpp"
 #include "path_without_friction.hpp"
 
-// Below this restitution a path takes too many compressions to end.
-constexpr double LEAST_SPRING_RESTITUTION = 0.05;
-constexpr const char* TOO_INELASTIC = "must be at least 0.05 for ROUTH_STRONGE in a cluster";
+namespace {
 
-// The answer of one path, or of the last one.
-struct PathAnswer {
-  ClusterImpulses impulses;
-  Vector changes;  // of the twists of the movable bodies
-  double friction_loss = 0;  // energy that friction took
-  double rounding = 0;  // error bound of the effect of these impulses
-  double error = INFINITY;  // estimate of the relative error of the path
-  const char* fault = nullptr;  // why there is no answer
-};
+// Below this restitution a path takes too many compressions to end.
+constexpr double LEAST_RESTITUTION = 0.05;
+constexpr const char* TOO_INELASTIC = "must be at least 0.05 for ROUTH_STRONGE in a cluster";
 
 template <class Path>
 PathAnswer answer_of(const Assembly& assembly, const Path& path) {
@@ -52,7 +44,7 @@ PathAnswer answer_of(const Assembly& assembly, const Path& path) {
 }
 
 // How far twist changes are from a reference, relative to that, in the norm of error_bound.
-inline double relative_distance(const Assembly& assembly, const Vector& changes, const Vector& reference) {
+double relative_distance(const Assembly& assembly, const Vector& changes, const Vector& reference) {
   double distance = 0, size = 0;
   for (int b = 0; b < assembly.body_count; ++b) {
     double off[6];
@@ -63,9 +55,9 @@ inline double relative_distance(const Assembly& assembly, const Vector& changes,
   return distance == 0 ? 0 : size > 0 ? distance / size : INFINITY;
 }
 
-// Follow the springs, more and more exactly. `wanted`: greatest relative error wanted; 0 for Path::ENOUGH.
+// Follow the path more and more exactly. `wanted`: greatest relative error wanted; 0 for Path::ENOUGH.
 template <class Path>
-PathAnswer follow_springs(const Assembly& assembly, const SpringOptions& options, double wanted) {
+PathAnswer follow(const Assembly& assembly, const SpringOptions& options, double wanted) {
   constexpr double FINEST = 1e-13;  // least error allowed in a step, relative to the motion
   constexpr int LEAST_PATHS = 3;  // two may be close to each other by chance
   constexpr double COARSEST_RATIO = 0.5;  // a path whose error is not smaller by this factor tells nothing new
@@ -102,4 +94,26 @@ PathAnswer follow_springs(const Assembly& assembly, const SpringOptions& options
   }
   if (!last.fault && !(last.error <= WORST)) last.fault = "the path of the impulses did not settle within its budget";
   return last;
+}
+
+}  // namespace
+
+PathAnswer follow_springs(const Assembly& assembly, const SpringOptions& options, bool has_friction, double wanted) {
+  const std::vector<AssembledContact>& contacts = assembly.contacts;
+  auto separates = [](const AssembledContact& contact) { return contact.axes[0].velocity >= 0; };
+  auto is_less_elastic = [](const AssembledContact& a, const AssembledContact& b) { return a.e < b.e; };
+  PathAnswer answer;
+  if (std::all_of(contacts.begin(), contacts.end(), separates)) {
+    answer.impulses.normal.resize(assembly.count);
+    answer.error = 0;
+    return answer;
+  }
+  const auto least = std::min_element(contacts.begin(), contacts.end(), is_less_elastic);
+  if (least->e < LEAST_RESTITUTION) {
+    answer.fault = TOO_INELASTIC;
+    answer.faulty = static_cast<int>(least - contacts.begin());
+    return answer;
+  }
+  return has_friction ? follow<PathWithFriction>(assembly, options, wanted)
+                      : follow<PathWithoutFriction>(assembly, options, wanted);
 }

@@ -24,16 +24,17 @@
 // Bipotential Method", Math. Comput. Model. 28 (1998), for the shift by mu |u_t|; Acary, Cadoux, Lemarechal & Malick,
 // "A Formulation of the Linear Discrete Coulomb Friction Problem via Convex Optimization", Z. Angew. Math. Mech. 91
 // (2011), for the convex programmes.
-#pragma once
 #include "cones.hpp"
 #include "contact_cones.hpp"
-#include "impulses.hpp"
+#include "laws.hpp"
 #include "projection.hpp"
+
+namespace {
 
 constexpr double MOREAU_BUDGET = 2e9;  // multiplications, for shifts to settle: a second or two
 
 // The greatest distance between two components.
-inline double distance(const Vector& one, const Vector& other) {
+double distance(const Vector& one, const Vector& other) {
   double most = 0;
   for (size_t i = 0; i < one.size(); ++i) most = std::fmax(most, std::fabs(one[i] - other[i]));
   return most;
@@ -87,7 +88,7 @@ struct ShiftedCones : Cones<double> {
 };
 
 // Update shifts, which are 0 at first, until they no longer change. Returns their last change.
-inline double settle(ShiftedCones& programme, Vector& shifts) {
+double settle(ShiftedCones& programme, Vector& shifts) {
   constexpr int ROUNDS = 300;
   constexpr double SETTLED = 1e-12;
   Vector found = programme.next_shifts(), last_found, last_step;
@@ -184,7 +185,7 @@ class SettledShifts {
 };
 
 // The impulses of MOREAU with friction, in doubles.
-inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
+ClusterImpulses moreau_with_friction(const Assembly& assembly) {
   constexpr double SOLVED = 1e-4;  // bound on the error of the velocities: mostly far too large, if they are a solution
   constexpr double SMALLER = 1e-9;  // by which shifts are reduced for more friction
   std::vector<Axes> P(assembly.count);
@@ -226,8 +227,9 @@ inline ClusterImpulses moreau_with_friction(const Assembly& assembly) {
   return with_axis_impulses({true, {}, error}, assembly, P);
 }
 
-// The impulses of MOREAU; without friction, in double-double.
-inline ClusterImpulses moreau(const Assembly& assembly, bool has_friction) {
+}  // namespace
+
+ClusterImpulses moreau(const Assembly& assembly, bool has_friction) {
   if (has_friction) return moreau_with_friction(assembly);
   auto separates = [](const AssembledContact& contact) { return high(contact.velocity) >= 0; };
   if (std::all_of(assembly.contacts.begin(), assembly.contacts.end(), separates))

@@ -1,0 +1,58 @@
+#include "resolve_cluster.hpp"
+
+namespace {
+
+// ROUTH_STRONGE. The error bound includes the estimate of the error of the path.
+void resolve_by_springs(const Assembly& assembly, const ClusterOptions& options, bool has_friction,
+                        ClusterResult& result) {
+  PathAnswer answer = follow_springs(assembly, options.springs, has_friction, options.tolerance);
+  if (answer.fault) return result.refuse_path(answer.fault, answer.faulty);
+  answer.impulses.error = answer.error * assembly.velocity_size(answer.impulses.normal.data());
+  result.apply(assembly, answer.impulses, true);
+  result.effect.error_bound = answer.error + answer.rounding;
+  double* energies = result.effect.energies;
+  energies[LOST_TO_RESTITUTION] += energies[LOST_TO_FRICTION] - answer.friction_loss;
+  energies[LOST_TO_FRICTION] = answer.friction_loss;
+}
+
+}  // namespace
+
+ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& options, const ClusterImpulses* decided) {
+  Assembly& assembly = cluster.assembly;
+  ClusterResult result;
+  if (cluster.is_out_of_range()) {
+    result.code = STATUS_OUT_OF_RANGE;
+    return result;
+  }
+  if (!decided && (assembly.is_locked || assembly.approach_is_uncertain())) return result;
+  for (AssembledContact& contact : assembly.contacts) {
+    const double speed = -contact.axes[0].velocity;
+    if (!(speed > 0 && speed < options.restitution_threshold && contact.e > 0)) continue;
+    contact.e = 0;
+    result.below_restitution_threshold = true;
+  }
+  const bool has_friction = cluster.has_friction && options.law != LAW_FRICTIONLESS;
+  if (options.law == LAW_ROUTH_STRONGE) {
+    resolve_by_springs(assembly, options, has_friction, result);
+    return result;
+  }
+  const bool are_decided = decided && !decided->normal.empty();
+  if (options.law == LAW_MOREAU && !are_decided) {
+    const ClusterImpulses impulses = moreau(assembly, has_friction);
+    if (impulses.are_found) result.apply(assembly, impulses);
+    if (result.code != UNDECIDED && !result.effect.creates_energy) return result;
+    result.fell_back = true;
+  }
+  ClusterImpulses impulses = are_decided ? *decided : reflections(assembly, options.threshold);
+  if (!impulses.are_found && assembly.is_locked) {
+    result.refuse_path("press on each other, and may or may not contradict: too many to decide exactly");
+  } else if (!impulses.are_found) {
+    result.code = STATUS_CONTRADICTORY_CONTACTS;
+  } else if (impulses.error == INFINITY && !decided) {
+    result.code = UNDECIDED;
+  } else {
+    if (has_friction) impulses = least_work_friction(assembly, impulses, options.tolerance);
+    result.apply(assembly, impulses);
+  }
+  return result;
+}
