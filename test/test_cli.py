@@ -216,6 +216,14 @@ class TestCall:
         found = f"give one of these by --service: {shared_node.service}\n"
         wait_until(lambda: main(["call", "{}", "--timeout", "0.5"]) == 3 and found in capsys.readouterr().err)
 
+    def test_a_service_of_another_type_is_not_proposed(self, shared_node, capsys):
+        from ros_graph import wait_until
+
+        scene = shared_node.service.replace("resolve_collision", "resolve_scene")
+        found = f"give one of these by --service: {scene}\n"
+        words = ["call", "{}", "--type", "ResolveScene", "--service", shared_node.service, "--timeout", "0.5"]
+        wait_until(lambda: main(words) == 3 and found in capsys.readouterr().err)
+
     def test_a_request_may_come_from_standard_input(self, call, monkeypatch):
         monkeypatch.setattr(sys, "stdin", io.StringIO(BOUNCE))
         assert call("-")[1].splitlines()[2:] == BOUNCED
@@ -312,6 +320,13 @@ contacts: [0, 0,  0, 0,  1, 1,  0.5, 0.5]"""
             "(0, 0, 1.5)       (0, 0, 0)         (0, 0, 9)",
         ]
         assert said.splitlines()[2].split()[:2] == ["1", "SAME_BODY"]
+
+    def test_a_batch_says_what_is_wrong_with_bodies_given_by_name(self, call):
+        request = '{layout: POINT, names: "nobody\\nbox", pairs: [0, 1], contacts: [0, 0, 1, 0.5]}'
+        code, said, wrong = call(request, "ResolveCollisionBatch", "collision_batch")
+        assert (code, wrong) == (0, "")
+        assert said.splitlines()[1].split()[:2] == ["0", "UNKNOWN_BODY"]
+        assert "'nobody'" in said.splitlines()[2]
 
     @pytest.mark.parametrize(
         "request_, says",

@@ -202,7 +202,9 @@ def answer(kind: Any, request: Any, service: str, timeout: float) -> Any:
             others = [
                 name
                 for name, types in node.get_service_names_and_types()
-                if f"collision_response/srv/{kind.__name__}" in types and node.count_services(name)
+                if f"collision_response/srv/{kind.__name__}" in types
+                and name != client.service_name  # which this client asks for
+                and node.count_services(name)
             ]
             advice = "start the node with: collision_response node"
             if others:
@@ -249,7 +251,7 @@ def _of_batch(response: Any) -> str:
     )
     if len(batch.status) > SHOWN:
         lines.append(f"and {len(batch.status) - SHOWN} more")
-    return "\n".join(lines)
+    return "\n".join(filter(None, [*lines, response.message]))
 
 
 def _valid(response: Any) -> Any:
