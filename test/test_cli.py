@@ -436,3 +436,4 @@ def test_a_node_lists_its_parameters(capsys, command, room):
         re.search(rf"^  {re.escape(d.name)} +{re.escape(repr(d.default))}: ", text, re.MULTILINE)
         for d in declarations
     )
+    assert command != "node" or " One of auto, frictionless, coulomb, " in text

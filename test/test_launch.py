@@ -50,9 +50,7 @@ def test_the_parameter_file_lists_every_parameter_with_its_default_and_descripti
     for node, declarations in NODES.items():
         section = text.partition(f"/**/{node}:\n")[2]
         for declared in declarations:
-            choices = parameters.CHOICES.get(declared.name)
-            one_of = f" One of {', '.join(choices)}." if choices else ""
-            assert f"    # {declared.description}{one_of}\n    {declared.name}: " in section
+            assert f"    # {declared.full_description()}\n    {declared.name}: " in section
 
 
 def test_the_node_starts_with_the_parameter_file(graph, tmp_path):

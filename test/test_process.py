@@ -99,6 +99,7 @@ def test_it_needs_no_standard_streams(graph, start, tmp_path, closed):
     [
         (("-p", "restitution:=2.0"), "restitution"),
         (("-p", "restitution:=1"), "restitution: write it with a point, as in 1.0"),
+        (("-p", "service_introspection:=off"), "service_introspection: must be text, but YAML reads False: "),
         (("-p", "body_state_topics:=[a b]"), "a b"),
         (("--params-file", "/nowhere/to/be/found.yaml"), "found.yaml"),
         (("-p", "=1"), "=1"),

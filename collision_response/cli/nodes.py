@@ -35,7 +35,7 @@ def run(command: str, node: ModuleType, arguments: list[str]) -> int:
     """Run a node with ROS arguments, with or without ``--ros-args`` before them, or print its help."""
     if {"-h", "--help"} & set(arguments):
         width = max(len(declaration.name) for declaration in node.DECLARATIONS)
-        lines = [f"  {d.name:{width}}  {d.default!r}: {d.description}" for d in node.DECLARATIONS]
+        lines = [f"  {d.name:{width}}  {d.default!r}: {d.full_description()}" for d in node.DECLARATIONS]
         argparse.ArgumentParser(
             prog=f"collision_response {command}",
             usage=f"collision_response {command} [ROS ARGUMENT ...]",

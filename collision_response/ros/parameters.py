@@ -47,6 +47,11 @@ class Declaration(NamedTuple):
     most: float = math.inf
     read_only: bool = False
 
+    def full_description(self) -> str:
+        """The description, and the choices if there are some."""
+        one_of = f" One of {', '.join(CHOICES[self.name])}." if self.name in CHOICES else ""
+        return self.description + one_of
+
     def descriptor(self) -> ParameterDescriptor:
         """Descriptor that ``ros2 param describe`` shows."""
         descriptor = ParameterDescriptor(description=self.description, read_only=self.read_only)
@@ -88,8 +93,8 @@ DECLARATIONS = (
         "restitution", 1.0, "Restitution where neither the contact nor both bodies give one.", most=1.0
     ),
     Declaration("friction", 0.0, "Friction where neither the contact nor both bodies give one.", most=1000.0),
-    Declaration("combine_restitution", "average", "How the coefficients of two bodies are combined."),
-    Declaration("combine_friction", "average", "How the coefficients of two bodies are combined."),
+    Declaration("combine_restitution", "average", "How the restitutions of two bodies are combined."),
+    Declaration("combine_friction", "average", "How the frictions of two bodies are combined."),
     fixed(
         "materials_file", "", "YAML file with coefficients of materials and pairs of materials. Empty: none."
     ),
@@ -101,9 +106,7 @@ DECLARATIONS = (
         "Arithmetic. auto: double, or extended where double misses the tolerance or, without one, has an "
         "error bound above 1e-6.",
     ),
-    Declaration(
-        "tolerance", 0.0, "Greatest relative error of the impulse. 0: any, if it is bounded.", most=1.0
-    ),
+    Declaration("tolerance", 0.0, "Greatest error bound that is accepted. 0: any that is finite.", most=1.0),
     Declaration(
         "tangential_restitution",
         0.0,
@@ -237,7 +240,8 @@ def declare(node: DeclaringNode, declarations: Iterable[Declaration]) -> set[str
 
     Raises:
         rclpy.exceptions.ParameterException: if a value that was given is not allowed.
-        StartError: if a number that needs a point was given without one.
+        StartError: if a number that needs a point was given without one, or something that is not text in
+            place of text.
     """
     given = node.get_parameters_by_prefix("")
     for name in DECLARED_BY_RCLPY:
@@ -250,6 +254,10 @@ def declare(node: DeclaringNode, declarations: Iterable[Declaration]) -> set[str
         value = given[name].value if name in given else default
         if isinstance(default, float) and type(value) is int:
             raise StartError(f"{name}: write it with a point, as in {value}.0")
+        if isinstance(default, str) and not isinstance(value, str):
+            raise StartError(
+                f"{name}: must be text, but YAML reads {value}: write it in quotes, as in \"'...'\""
+            )
         node.declare_parameter(name, default, declaration.descriptor())
     return set(given)
 
