@@ -112,8 +112,10 @@ def check_count(field: str, value: Any, least: int, most: float, code: StatusCod
 
 
 def as_list(field: str, values: Iterable[Any]) -> list[Any]:
-    """Return a list of values. Raises: TypeError: if they are not iterable."""
+    """Return a list of values. Raises: TypeError: if they are not iterable, or are text."""
     try:
+        if isinstance(values, str):
+            raise TypeError
         return list(values)
     except TypeError:
         raise TypeError(f"{field}: must be a sequence, is {format_value(values)}") from None

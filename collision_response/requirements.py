@@ -196,9 +196,9 @@ def scene_requirements(
         tolerance: largest relative error of each impact, > 0 and finite.
 
     Raises:
-        ImpactError: if a contact cannot be resolved; ``field`` names the contact or the body.
-            INVALID_MODEL, if ``tolerance`` is not positive and finite.
-        KeyError: if a contact names an unknown body.
+        ImpactError: if a contact cannot be resolved; ``field`` names the contact or the body. UNKNOWN_BODY,
+            if a contact names a body that is not there. INVALID_MODEL, if ``tolerance`` is not positive and
+            finite.
         TypeError: if something has the wrong type.
     """
     survey = SceneSurvey(tolerance)
@@ -208,6 +208,10 @@ def scene_requirements(
             a, b, contact = given
         except (TypeError, ValueError):
             raise TypeError(f"contacts[{i}]: must be a SceneContact, is {format_value(given)}") from None
+        for side, name in (("body_a", a), ("body_b", b)):
+            if name not in bodies:
+                reason = f"must be the name of one of the bodies; is {format_value(name)}"
+                raise ImpactError(StatusCode.UNKNOWN_BODY, f"contacts[{i}].{side}", reason)
         names = {"body_a": f"bodies[{a!r}]", "body_b": f"bodies[{b!r}]", "contact": f"contacts[{i}].contact"}
         try:
             survey.add(f"{a} - {b}", bodies[a], bodies[b], contact)

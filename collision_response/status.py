@@ -22,7 +22,7 @@ class StatusCode(NamedEnum):
     """No real body has this inertia: it is not positive semi-definite, or a principal moment is greater than
     the sum of the other two."""
     INVALID_NORMAL = 4
-    """The normal has length 0."""
+    """The normal has length 0, or no part in the plane of PLANAR."""
     INVALID_COEFFICIENT = 5
     """Restitution, friction, tangential restitution or stiffness ratio is out of range."""
     NOT_FINITE = 6
@@ -30,11 +30,12 @@ class StatusCode(NamedEnum):
     FRAME_MISMATCH = 7
     """The bodies and the contact do not have the same ``frame_id``. From the node only."""
     UNKNOWN_BODY = 8
-    """A body is given by name only, and the node has received no state of that name. From the node only."""
+    """There is no body of this name or index."""
     STALE_STATE = 9
-    """The last state of a body is too old. From the node only."""
+    """The latest state of a body is too far from the time of the contact, or older than requested. From the
+    node only."""
     INVALID_MODEL = 10
-    """The law, geometry, precision or tolerance is unknown or not available."""
+    """The law, geometry, precision, tolerance or an option is unknown, out of range or not available."""
     NO_DYNAMIC_BODY = 11
     """Neither body can move."""
     INVALID_MASS = 12
@@ -44,7 +45,7 @@ class StatusCode(NamedEnum):
     INVALID_MOTION_TYPE = 14
     """The motion type is unknown, or a static body moves. From the node only."""
     SAME_BODY = 15
-    """``body_a`` and ``body_b`` are the same body."""
+    """Both bodies of a contact are the same body, or a name appears twice."""
     OUT_OF_RANGE = 16
     """A number of the answer is beyond float64."""
     TOLERANCE_NOT_MET = 17
@@ -103,7 +104,8 @@ class ImpactError(ValueError):
 
     Attributes:
         code: why, as a :class:`StatusCode`; the service answers with the same number.
-        field: the name of the offending field, as in the messages, with dots: ``body_a.mass``.
+        field: the argument that is wrong, with dots and brackets for its parts: ``body_a.mass``. The node
+            names the field of the message: ``body_a.inertia.m``.
         reason: what is wrong with the field, and its value.
     """
 

@@ -303,7 +303,10 @@ def test_no_contacts_and_no_bodies():
             {"bodies": np.zeros((20, 2), np.float32)},
             "bodies, contacts: must both be float32 or float64; are float32",
         ),
-        ({"contacts": np.zeros((9, 4))}, "bodies, contacts: must be float64, and without rows of tangential"),
+        (
+            {"contacts": np.zeros((9, 4))},
+            "bodies, contacts: must be float64, and at most 8 rows of contacts; are float64, and 9 rows",
+        ),
         ({"pairs": np.zeros((2, 4))}, "pairs: must be integers of shape (2, N), are float64 of (2, 4)"),
         ({"pairs": np.zeros((2, 5), int)}, "contacts: must be of shape (rows, 5), is (8, 4)"),
         ({"bodies": np.zeros((20, 2, 4))}, "bodies: must be of shape (4 or 7 or 16 or 20, B), is (20, 2, 4)"),

@@ -54,6 +54,11 @@ def test_arguments_of_wrong_types_are_refused_by_name(argument, wrong):
         differentiate(**request | {argument: wrong})
 
 
+def test_one_name_is_no_sequence_of_names():
+    with pytest.raises(TypeError, match=r"^with_respect_to: must be a sequence of names .*, is 'body_a.mass'"):
+        differentiate(BODY_A, BODY_B, CONTACT, with_respect_to="body_a.mass")
+
+
 @pytest.mark.parametrize("first", ["contact.friction", "body_a.velocity", "body_b.inertia"])
 @pytest.mark.parametrize("between", [(), ("contact.normal",), ("contact.normal", "body_a.mass")])
 def test_a_repeated_name_is_refused(first, between):

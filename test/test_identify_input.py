@@ -170,6 +170,11 @@ def test_sequences_of_impacts_may_be_generators_of_one_length(name):
         Impacts.of(**REQUESTS | {name: None})
 
 
+def test_one_name_is_no_sequence_of_names():
+    with pytest.raises(TypeError, match=r"^fit: must be a sequence, is 'restitution'"):
+        identify(Impacts.of(**REQUESTS), Law.FRICTIONLESS, fit="restitution")
+
+
 @pytest.mark.parametrize("fit", [identify, compare])
 @pytest.mark.parametrize("wrong", [1.5, True, 10**5000], ids=["1.5", "True", "huge"])
 @pytest.mark.parametrize("name", ["measured", "fit", "given"])

@@ -279,8 +279,9 @@ def test_grazing_contacts_and_small_tolerances_require_precision(tolerance, prec
 
 
 def test_a_scene_says_which_body_it_does_not_know():
-    with pytest.raises(KeyError, match="nobody"):
-        scene_requirements(BODIES, [CENTRAL._replace(body_a="nobody")], 1e-6)
+    says = r"^contacts\[1\]\.body_a: must be the name of one of the bodies; is 'nobody'$"
+    with refused(StatusCode.UNKNOWN_BODY, "contacts[1].body_a", says):
+        scene_requirements(BODIES, [CENTRAL, CENTRAL._replace(body_a="nobody")], 1e-6)
 
 
 @pytest.mark.parametrize(

@@ -61,7 +61,8 @@ class ScenesResult(NamedTuple):
             ``(N,)``.
         cluster: number of the cluster of each contact, shape ``(N,)``. Clusters are numbered in the order of
             their first contacts.
-        status: a :class:`~collision_response.StatusCode` for each cluster, uint8, shape ``(C,)``.
+        status: a :class:`~collision_response.StatusCode` for each cluster, uint8, shape ``(C,)``. Without an
+            answer, impulses and the following numbers are NaN, and regimes 0.
         error_bound, decision_margin: of each cluster, shape ``(C,)``.
         kinetic_energy_before, kinetic_energy_after: of the movable bodies of each cluster [J], shape
             ``(C,)``.
@@ -129,7 +130,9 @@ def resolve_scenes(
     request = BatchRequest.of(bodies, contacts, model, pairs)
     model = request.plan.model
     if bodies.dtype != np.float64 or contacts.shape[0] > request.plan.layout.contacts.height:
-        raise ValueError("bodies, contacts: must be float64, and without rows of tangential restitution")
+        given = f"{bodies.dtype}, and {contacts.shape[0]} rows of contacts"
+        most = f"float64, and at most {request.plan.layout.contacts.height} rows of contacts"
+        raise ValueError(f"bodies, contacts: must be {most}; are {given}")
     clusters, cluster_of = _find_clusters(bodies, pairs)
     result = _initial_result(request, cluster_of, clusters.starts.size - 1)
     is_single = np.diff(clusters.starts) == 1

@@ -110,7 +110,13 @@ class Derivatives(NamedTuple):
         return not self == other
 
     def of(self, result: str, parameter: str) -> Array:
-        """Return the derivative of one of :data:`RESULTS` by one of :data:`PARAMETERS`."""
+        """Return the derivative of one of :data:`RESULTS` by one of the requested :data:`PARAMETERS`.
+
+        Its shape is that of the two: ``(3, 1)`` for the impulse by a mass.
+
+        Raises:
+            KeyError: if there is no such result, or the parameter was not requested.
+        """
         part: Array = self.jacobian[RESULTS[result], self.columns[parameter]]
         return part
 
@@ -200,9 +206,11 @@ def unit_directions(*with_respect_to: str) -> Array:
 
 def _directions_and_columns(with_respect_to: Iterable[str]) -> tuple[Array, dict[str, slice]]:
     try:
+        if isinstance(with_respect_to, str):
+            raise TypeError
         return _unit_directions(tuple(with_respect_to))
-    except TypeError:  # it is not iterable, or holds lists
-        reason = f"must be names of parameters, is {format_value(with_respect_to)}"
+    except TypeError:  # it is not iterable, one name, or holds lists
+        reason = f"must be a sequence of names of parameters, is {format_value(with_respect_to)}"
         raise TypeError(f"with_respect_to: {reason}") from None
 
 

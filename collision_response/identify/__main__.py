@@ -24,22 +24,22 @@ def make_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="collision_response identify",
         description="Restitution and friction from measured impacts.",
-        epilog=from_table.__doc__,
+        epilog=(from_table.__doc__ or "").replace("``", ""),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     several: dict[str, Any] = {"nargs": "+", "action": "extend", "default": []}
     pairs: dict[str, Any] = {**several, "metavar": "NAME=VALUE"}
     add("file", type=Path, help="CSV, its columns explained below; or a recording, .rrd")
-    add("--law", choices=LAWS_BY_NAME, default="coulomb")
+    add("--law", choices=LAWS_BY_NAME, default="coulomb", help="default: coulomb")
     add("--compare", action="store_true", help="fit all laws, and say which the impacts distinguish")
     add("--fit", metavar="NAME", help=", ".join(RANGES), **several)
     add("--given", help="coefficients that are known: they are not fitted", type=_number, **pairs)
     columns = "columns that the file lacks: a number, or another column: nz=1 vx_after=vx2"
     add("--set", help=columns, type=_pair, **pairs)
     add("--residuals", default="", help="kinetic, contact or linear; for readings: all, or one quantity")
-    add("--loss", default="soft_l1", help="loss of scipy.optimize.least_squares")
-    add("--resamples", type=int, default=200, help="fits of the bootstrap")
+    add("--loss", default="soft_l1", help="loss of scipy.optimize.least_squares; default: soft_l1")
+    add("--resamples", type=int, default=200, help="fits of the bootstrap; default: 200")
     add("--plot", type=Path, metavar="FILE", help="write a picture: .png, .svg or .pdf")
     add(
         "--within",

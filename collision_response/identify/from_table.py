@@ -9,7 +9,7 @@ relative to the position ``x y z`` of body_a. Its normal, ``nx ny nz``, points f
 needs ``m``, a normal and a measurement. Other missing columns count as 0, and ``qw`` as 1.
 
 A table with a column ``incidence`` holds readings of a sphere that strikes a flat target. Its other columns
-are ``ratio``, ``angle`` and ``spin``: see :class:`~collision_response.identify.SphereReadings`.
+are ``ratio``, ``angle`` and ``spin``, which ``SphereReadings`` of ``collision_response.identify`` describes.
 """
 
 from __future__ import annotations

@@ -172,7 +172,7 @@ def _check(
             reason = f"must be one of {names}; is {format_value(value)}"
             raise ImpactError(StatusCode.INVALID_MODEL, field, reason)
     for field, wrong in (
-        ("fit", "" if fit else f"must name a coefficient: {' and '.join(given)} of {law.name} are given"),
+        ("fit", "" if fit else f"must name a coefficient: those of {law.name} are given: {', '.join(given)}"),
         *(("fit", f"has {name} twice") for name in set(fit) if fit.count(name) > 1),
         *(("given", f"has {name}, which is to be fitted") for name in fit if name in given),
     ):

@@ -61,8 +61,9 @@ class Body(NamedTuple):
     """A body at the instant of impact: its mass properties, its pose and its twist.
 
     Build one with a shape, such as :meth:`sphere` or :meth:`box`, or with :meth:`dynamic`, :meth:`kinematic`,
-    :meth:`static` or :meth:`articulated`. Shapes are homogeneous solids. They take the keyword arguments
-    ``position``, ``orientation``, ``velocity`` and ``angular_velocity`` of :meth:`dynamic`:
+    :meth:`static` or :meth:`articulated`. Shapes are homogeneous solids of a mass [kg] and lengths [m]. They
+    refuse negative numbers with an ``ImpactError``. They take the keyword arguments ``position``,
+    ``orientation``, ``velocity`` and ``angular_velocity`` of :meth:`dynamic`:
 
         >>> ball = Body.sphere(2.0, 0.1, velocity=(0, 0, -3))
         >>> ball.mass, ball.velocity

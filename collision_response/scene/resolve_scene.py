@@ -81,6 +81,10 @@ def resolve_scene(
         orders: number of orders to try for ``order_sensitivity``, at most 1000. Each one takes longer than
             the answer.
 
+    Returns:
+        The twists of all bodies after the impact, the impulses, the energies, and a bound on the relative
+        error.
+
     Raises:
         ImpactError: if the scene cannot be resolved; ``field`` names the body, the pair or the contact.
         TypeError: if a field has the wrong type.
