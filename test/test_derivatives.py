@@ -324,6 +324,25 @@ def test_the_edge_of_the_cone_is_a_kink():
         assert (near.smoothness == SMOOTH).all()
 
 
+@pytest.mark.parametrize("law", LAWS_WITH_FRICTION)
+@pytest.mark.parametrize("normal", [(0, 0.25, 1), (0, 0.5, 1), (1, 2, 2), (0.6, 0, 0.8), (0, 0, 1)])
+@pytest.mark.parametrize(("restitution", "friction"), [(0.5, 0.25), (0.25, 0.5), (0.25, 0.125)])
+def test_next_to_the_edge_of_the_cone_the_derivative_is_one_of_both(law, normal, restitution, friction):
+    """Slip ends with the impact, to some units in the last place. Here a ball sticks iff |u_t| / 2 <= mu (1 +
+    e) |u_n|.
+    """
+    n = np.array(normal) / np.linalg.norm(normal)
+    t = np.cross(n, (0.0, 1.0, 0.0)) / np.linalg.norm(np.cross(n, (0.0, 1.0, 0.0)))
+    touch = Contact.of((0, 0, 0), normal, restitution, friction)
+    at = 2 * friction * (1 + restitution)
+    for slip in at + np.spacing(at) * np.arange(-8, 9):
+        struck = Body.dynamic(1.0, (1, 0, 0, 1, 0, 1), n.tolist(), None, (slip * t - n).tolist())
+        found = differentiate(struck, Body.static(), touch, ImpactModel(law))
+        along_slip = t @ found.of("impulse", "body_a.velocity") @ t
+        assert min(abs(along_slip), abs(along_slip + 0.5)) < 1e-12
+        assert found.smoothness[found.columns["body_a.velocity"]].any()
+
+
 def test_zero_approach_is_a_kink_with_the_derivative_of_separating_bodies():
     found = differentiate(
         ball((1.0, 0.0, 0.0), (0.0, 0.0, 0.0)),

@@ -293,12 +293,14 @@ def _impulse_of_turn(path: Path, slip: StraightSlip) -> Scalar:
     """
     t1, t2, first, last, x, g = slip
     A_qq, _ = path.A_along(t1, t2)
+    growth = g * x / first
 
     def y_at_end() -> Scalar:
-        T = x / first * relative_logarithm(g * x / first)
+        T = x / first * relative_logarithm(growth)
         return last * T * relative_exponential(-(g + path.m * A_qq) * T)
 
-    y = choose(last > 0, y_at_end, lambda: 0 * last)
+    # Where slip all but stops, `growth` may round to -1, which only a stop takes for ever to reach.
+    y = choose((last > 0) & (growth > -1), y_at_end, lambda: 0 * last)
     return choose(first > 0, lambda: (y - x) / A_qq, lambda: 0 * first)
 
 
