@@ -33,7 +33,7 @@ COMMANDS = {
     "call": Command(".cli.call", "send one request to the node, and print the answer"),
     "states": Command(".ros.sources", "publish the states of a robot, from odometry or TF and its URDF"),
     "markers": Command(".ros.markers", "show the answers in RViz or Foxglove"),
-    "report": Command(".cli.report", "summarize a recording: in words, plots and a table"),
+    "report": Command(".cli.report", "summarise a recording: in words, plots and a table"),
     "replay": Command(".cli.replay", "compute the answers of a recording again, and report differences"),
     "identify": Command(".identify.__main__", "find restitution and friction from measured impacts"),
 }

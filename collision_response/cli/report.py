@@ -1,4 +1,4 @@
-"""``collision_response report``: summarize a recording."""
+"""``collision_response report``: summarise a recording."""
 
 from __future__ import annotations
 

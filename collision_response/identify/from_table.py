@@ -127,7 +127,7 @@ def _require_columns(row: Row, *groups: Sequence[str]) -> None:
     """Check that a row has at least one column of each group."""
     missing = [" or ".join(group) for group in groups if not any(name in row for name in group)]
     if missing:
-        reason = f"must have {'; '.join(missing)}. Known are {', '.join(row)}"
+        reason = f"must have {'; '.join(missing)}; are {', '.join(row)}. --set NAME=VALUE adds one"
         raise ImpactError(StatusCode.INVALID_TABLE, "columns", reason)
 
 

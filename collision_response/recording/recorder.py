@@ -148,7 +148,7 @@ class Recorder:
         self._queue.put(None)
         self._worker.join(min(timeout, threading.TIMEOUT_MAX))
         if self._worker.is_alive():
-            self._report(f"recording {self.path} is not complete: the disk took more than {timeout:g} s")
+            self._report(f"recording {self.path} is not complete: it took more than {timeout:.3g} s")
         for count, which in (
             (self.dropped, "entries, which came too fast"),
             (self.unwritable, "entries, which cannot be written"),
