@@ -127,7 +127,8 @@ class BatchDerivatives(NamedTuple):
 
     Attributes:
         result: as :func:`~collision_response.batch.resolve_batch` returns it.
-        jacobian: of :data:`RESULTS` in each direction, shape ``(15, K, N)``; NaN if a contact has no answer.
+        jacobian: of :data:`RESULTS` in each direction, shape ``(15, K, N)``. NaN if a contact has no answer;
+            infinite or NaN where :func:`differentiate` would be OUT_OF_RANGE.
         smoothness: a :class:`Smoothness` for each direction and contact, uint8, shape ``(K, N)``.
     """
 
