@@ -148,14 +148,14 @@ class SceneSurvey:
         Raises:
             ImpactError: if the contact cannot be resolved. The survey then stays as it was.
         """
-        scene = body_a, body_b, contact
-        impacts = {law: resolve(*scene, ImpactModel(law, *LEAVES_OUT_NOTHING)) for law in LAWS}
+        request = body_a, body_b, contact
+        impacts = {law: resolve(*request, ImpactModel(law, *LEAVES_OUT_NOTHING)) for law in LAWS}
         needs = {
-            law: self._needs[law].with_contact(name, self._least(scene, impact))
+            law: self._needs[law].with_contact(name, self._least(request, impact))
             for law, impact in impacts.items()
         }
         smooth, rough = impacts.values()
-        difference = _difference(smooth, rough, *read_request(*scene)[:2])
+        difference = _difference(smooth, rough, *read_request(*request)[:2])
         if rough.contact.friction > 0 and difference > self._tolerance:
             reason = f"friction changes the impact of {name} by {difference:.2g} of it"
             self._law = _greater(self._law, Law.COULOMB, reason)
@@ -167,7 +167,7 @@ class SceneSurvey:
         geometry = needs.common_geometry()
         return SceneRequirements(geometry, self._law, needs.precisions[geometry.least], self._tolerance)
 
-    def _least(self, scene: tuple[Body, Body, Contact], impact: Impact) -> dict[Geometry, Precision]:
+    def _least(self, request: tuple[Body, Body, Contact], impact: Impact) -> dict[Geometry, Precision]:
         """Return the geometries that serve a contact, with the lowest precision in each."""
         found = {Geometry.SPATIAL: Precision.EXTENDED}
         if impact.status is StatusCode.TOLERANCE_NOT_MET:  # numbers that are not floats may leave it open
@@ -175,7 +175,7 @@ class SceneSurvey:
         for geometry in GEOMETRIES:
             for precision in (Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED):
                 model = ImpactModel(impact.model.law, geometry, precision, self._tolerance)
-                if _status(scene, model) is impact.status:
+                if _status(request, model) is impact.status:
                     found[geometry] = precision
                     break
         return found
@@ -226,12 +226,12 @@ def _greater(need: Requirement, candidate: Any, reason: str) -> Requirement:
     return Requirement(candidate, reason) if candidate > need.least else need
 
 
-def _status(scene: tuple[Body, Body, Contact], model: ImpactModel) -> StatusCode | None:
+def _status(request: tuple[Body, Body, Contact], model: ImpactModel) -> StatusCode | None:
     """Return the status of an impact in a model, or ``None`` if this model cannot answer it."""
     if model.precision is Precision.EXTENDED:
         model = model._replace(tolerance=max(model.tolerance, ULP))  # that is all it promises
     try:
-        return resolve(*scene, model).status
+        return resolve(*request, model).status
     except ImpactError:  # of the model: the request is sound
         return None
 
