@@ -75,6 +75,25 @@ def test_what_a_request_has_no_place_for_is_refused():
             pack([CUBE, Body.static()], [(0, 1)] * 2, [CONTACTS[0], other])
 
 
+@pytest.mark.parametrize(
+    ("change", "error", "says"),
+    [
+        ({"bodies": [CUBE, None]}, TypeError, r"bodies\[1\]: must be a Body, is None"),
+        ({"contacts": [(0, 1)]}, TypeError, r"contacts\[0\]: must be a Contact, is \(0, 1\)"),
+        ({"pairs": [(0, 1)] * 2}, ValueError, "pairs: must be one for each contact; are 2 for 1 contacts"),
+        ({"pairs": [(0,)]}, ValueError, r"pairs\[0\]: must be two indices of bodies, is \(0,\)"),
+        ({"pairs": [0]}, ValueError, r"pairs\[0\]: must be two indices of bodies, is 0"),
+        ({"pairs": CONTACTS[:1]}, ValueError, r"pairs\[0\]: must be two indices of bodies, is Contact"),
+        ({"model": Law.COULOMB}, TypeError, "model: must be an ImpactModel, is .*Law.COULOMB"),
+        ({"names": "cube"}, TypeError, "names: must be a sequence, is 'cube'"),
+    ],
+)
+def test_arguments_of_another_kind_are_refused_by_name(change, error, says):
+    given = {"bodies": [CUBE, Body.static()], "pairs": [(0, 1)], "contacts": CONTACTS[:1]} | change
+    with pytest.raises(error, match=f"^{says}"):
+        pack(**given)
+
+
 @pytest.mark.parametrize("index", [-1, 0.5, 2**32])
 def test_pairs_must_be_indices(index):
     with pytest.raises(

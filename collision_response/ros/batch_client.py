@@ -23,7 +23,7 @@ from ..batch import BatchResult, is_bounded
 from ..batch.arrays import Array
 from ..batch.result import result_fields
 from ..batch.rows import body_rows
-from ..model import DEFAULT, Geometry, ImpactModel
+from ..model import DEFAULT, Geometry, ImpactModel, check_model
 from .convert import error_from, model_of, write_model
 from .tables import LAYOUTS, Request, Response, append, as_indices, as_lines, result_in, view_of
 
@@ -55,9 +55,12 @@ def pack(
         report: whether to ask for regimes and energies.
 
     Raises:
+        ImpactError: if the model is invalid.
+        TypeError: if ``model`` is not an :class:`ImpactModel`, or ``names`` is no sequence.
         ValueError: if an array has the wrong shape, an entry of ``pairs`` is not an index, or a name is
             not one line of text.
     """
+    check_model(model)
     bodies, pairs, contacts = np.asarray(bodies), np.asarray(pairs), np.asarray(contacts)
     _check_shapes(bodies, pairs, contacts)
     request = Request(names=as_lines(names), report=report)

@@ -16,11 +16,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..arguments import as_list
 from ..body_conversions import body_to_numbers
-from ..model import DEFAULT, ImpactModel
+from ..model import DEFAULT, ImpactModel, check_model
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..srv import ResolveScene
+from ..status import format_value
 from .convert import write_model
 from .tables import append, as_indices, as_lines
 
@@ -46,14 +48,29 @@ def pack(
         frame_id: the inertial frame of all bodies and contacts.
 
     Raises:
-        ValueError: if an entry of ``pairs`` is not an index, a name is not one line of text, or the request
-            has no place for something: the inverse inertia of an articulated body, the tangential
+        ImpactError: if the model is invalid.
+        TypeError: if something has the wrong type.
+        ValueError: if ``pairs`` is not two indices for each contact, a name is not one line of text, or the
+            request has no place for something: the inverse inertia of an articulated body, the tangential
             restitution of a contact, or a coefficient that is a function.
     """
+    check_model(model)
+    pairs = as_list("pairs", pairs)
+    if len(pairs) != len(contacts):
+        raise ValueError(
+            f"pairs: must be one for each contact; are {len(pairs)} for {len(contacts)} contacts"
+        )
+    for i, pair in enumerate(pairs):
+        if not (hasattr(pair, "__len__") and len(pair) == 2):
+            raise ValueError(f"pairs[{i}]: must be two indices of bodies, is {format_value(pair)}")
     for i, body in enumerate(bodies):
+        if not isinstance(body, Body):
+            raise TypeError(f"bodies[{i}]: must be a Body, is {format_value(body)}")
         if body.inverse_inertia is not None:
             raise ValueError(f"bodies[{i}].inverse_inertia: a scene is for rigid bodies")
     for i, contact in enumerate(contacts):
+        if not isinstance(contact, Contact):
+            raise TypeError(f"contacts[{i}]: must be a Contact, is {format_value(contact)}")
         if contact.tangential_restitution is not None:
             raise ValueError(f"contacts[{i}].tangential_restitution: set that of the model")
         for name in ("restitution", "friction"):
@@ -64,7 +81,7 @@ def pack(
     columns = [body_to_numbers(body if body.is_movable() else body._replace(mass=0.0)) for body in bodies]
     append(request.bodies, np.array(columns, float).T)
     request.immovable = [i for i, body in enumerate(bodies) if not body.is_movable()]
-    append(request.pairs, as_indices(np.array([*pairs])).T)
+    append(request.pairs, as_indices(np.array(pairs)).T)
     rows = [
         [*contact.position, *contact.normal, contact.restitution, contact.friction] for contact in contacts
     ]

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import as_list
 from ..batch import BatchResult
 from ..batch.arrays import Array
 from ..batch.rows import TABLE_LAYOUTS
@@ -64,9 +65,10 @@ def as_lines(names: Iterable[str]) -> str:
     """Join names to one string, one per line.
 
     Raises:
+        TypeError: if they are not a sequence.
         ValueError: if a name has several lines, or a NUL character, at which ROS would cut it off.
     """
-    names = list(names)
+    names = as_list("names", names)
     for i, name in enumerate(names):
         if "\n" in name or "\0" in name:
             raise ValueError(f"names[{i}]: must be one line without a NUL character, is {name!r}")
