@@ -104,7 +104,7 @@ def test_version_prints_the_version_of_the_package(capsys):
 
 def test_a_command_names_the_package_that_it_lacks(capsys, monkeypatch):
     monkeypatch.setitem(COMMANDS, "plan", collision_response.cli.Command("no_such_package.plan", ""))
-    assert main(["plan"]) == 1
+    assert main(["plan"]) == os.EX_UNAVAILABLE  # 1 means something else to most commands
     assert (
         capsys.readouterr().err == "collision_response plan needs no_such_package, which is not installed\n"
     )
@@ -115,7 +115,7 @@ def test_a_command_without_ros_says_what_to_install(capsys, monkeypatch):
         raise ImportError("collision_response needs ROS for this: pip install 'ros-rclpy==9.1.*'")
 
     monkeypatch.setattr(collision_response.cli, "import_module", without_ros)
-    assert main(["node"]) == 1
+    assert main(["node"]) == os.EX_UNAVAILABLE
     assert (
         capsys.readouterr().err == "collision_response needs ROS for this: pip install 'ros-rclpy==9.1.*'\n"
     )

@@ -57,8 +57,8 @@ def main(arguments: list[str] | None = None) -> int:
     """Run a command, with the arguments of this process by default.
 
     Returns:
-        The exit code of the command; that of a process ended by SIGINT or SIGPIPE; or ``EX_IOERR`` if there
-        is no space for its output.
+        The exit code of the command; that of a process ended by SIGINT or SIGPIPE; ``EX_IOERR`` if there is
+        no space for its output; or ``EX_UNAVAILABLE`` if it needs something that is not installed.
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # names may have letters that the locale lacks
@@ -96,12 +96,12 @@ def _run(words: list[str]) -> int:
         if (error.name or "").startswith("collision_response"):
             raise
         print(f"collision_response {name} needs {error.name}, which is not installed", file=sys.stderr)
-        return 1
+        return os.EX_UNAVAILABLE
     except ImportError as error:
         if error.name:
             raise
         print(error, file=sys.stderr)  # it says what to install
-        return 1
+        return os.EX_UNAVAILABLE
     return nodes.run(name, module, rest) if name in nodes.DESCRIPTIONS else module.main(rest)
 
 
