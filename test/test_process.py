@@ -114,6 +114,7 @@ def test_it_needs_no_standard_streams(graph, start, tmp_path, closed):
             ("-p", "recording.file:=../../x.rrd"),
             "must be a plain file name, without a directory; is '../../x.rrd'",
         ),
+        (("-p", "recording.file:=demo"), "recording.file must end in .rrd; is 'demo'"),
     ],
 )
 def test_an_invalid_start_ends_with_one_line(start, arguments, shown):

@@ -318,6 +318,13 @@ def test_a_name_with_a_directory_is_refused(tmp_path, name):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("name", ["a", "a.rrd ", "a.RRD", "rrd", ".rrd", "a.rrd.gz"])
+def test_a_name_that_the_viewer_does_not_open_is_refused(tmp_path, name):
+    with pytest.raises(ValueError, match=r"must end in \.rrd; is '"):
+        Recorder(tmp_path / "here", pytest.fail, name=name)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_link_in_the_directory_is_not_followed(tmp_path):
     (tmp_path / "here").mkdir()
     (tmp_path / "here" / "a.rrd").symlink_to(tmp_path / "outside.rrd")

@@ -39,13 +39,17 @@ MAX_DURATION = 3600.0
 
 
 def check_name(name: str) -> None:
-    """Check that a file name has no directory. The empty name, which means none, is accepted.
+    """Check that a file name has no directory, and the ending without which the viewer does not open it.
+
+    The empty name, which means none, is accepted.
 
     Raises:
-        ValueError: if it is not a plain file name.
+        ValueError: if it is another name.
     """
     if name in (".", "..") or "/" in name or not name.isprintable():
         raise ValueError(f"must be a plain file name, without a directory; is {name!r}")
+    if name and Path(name).suffix != ".rrd":
+        raise ValueError(f"must end in .rrd; is {name!r}")
 
 
 class Recorder:
@@ -97,7 +101,7 @@ class Recorder:
             capacity: number of entries that may wait.
 
         Raises:
-            ValueError: if ``name`` is not a plain file name.
+            ValueError: as :func:`check_name`.
         """
         check_name(name)
         self.path = directory.absolute() / (

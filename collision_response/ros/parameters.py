@@ -144,7 +144,9 @@ DECLARATIONS = (
         "Directory of the recordings. Each start of the node makes new files.",
     ),
     fixed(
-        "recording.file", "", "Name of the first file, which must not exist yet. Empty: made from the time."
+        "recording.file",
+        "",
+        "Name of the first file, such as a.rrd, which must not exist yet. Empty: made from the time.",
     ),
     fixed("recording.max_size", MAX_SIZE, "Size [MB] at which the next file begins. 0: no limit."),
     fixed("recording.max_duration", MAX_DURATION, "Time [s] after which the next file begins. 0: no limit."),
