@@ -721,6 +721,21 @@ def test_the_derivative_by_friction_at_zero_is_a_kink_where_slip_turns(law):
         assert [*found.smoothness] == [mark, *[Smoothness.SMOOTH] * 3]
 
 
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("restitution", [0.9, 1.0])
+@pytest.mark.parametrize("slip", [(0, 0), (0.5, 0), (1, 0), (1.2, 0.4), (1.5, 0.3), (2.5, 0), (-1, 0.5)])
+def test_the_derivative_by_friction_at_zero_is_that_of_little_friction(law, restitution, slip):
+    """An impact off the centre reverses slip. If that loses no energy and leaves less slip than before, the
+    least friction would add some by MOREAU, so COULOMB answers.
+    """
+    rod = Body.dynamic(1.0, (0.1, 0, 0, 0.08, 0, 0.09), (0.25, 0.125, 0.5), None, (*slip, -1.0))
+    with_friction, without = (Contact.of((0, 0, 0), (0, 0, 1), restitution, mu) for mu in (1e-7, 0.0))
+    found = differentiate(rod, Body.static(), without, ImpactModel(law), ["contact.friction"])
+    little, none = (resolve(rod, Body.static(), c, ImpactModel(law)) for c in (with_friction, without))
+    slope = (np.array(little.impulse) - none.impulse) / 1e-7
+    np.testing.assert_allclose(found.of("impulse", "contact.friction")[:, 0], slope, rtol=0, atol=1e-5)
+
+
 @pytest.mark.parametrize(("restitution", "mark"), [(1.0, JUMP), (0.9, SMOOTH)])
 def test_moreau_jumps_where_the_least_slip_would_create_energy(restitution, mark):
     """A contact without slip that sticks and loses nothing: with slip to one side, COULOMB answers."""

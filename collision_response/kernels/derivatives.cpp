@@ -23,6 +23,8 @@ using SparseDual = Dual<Bounded<double>, SparseDerivatives>;
 enum { PARAMETERS_OF_BODY = BODY - 1, STIFFNESS = IN_MODEL + MODEL_RESTITUTION_THRESHOLD - 2, PARAMETERS };
 enum { TWISTS = CHANGES - AXES, RESULTS = CHANGES };  // the twists after the impact, then the impulse
 
+constexpr int k_index[AXES][AXES] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};  // the place of each component of K
+
 DerivativeKernel find_kernel(int law) {
 #define X(formula) derivatives_##formula,
   static const DerivativeKernel kernels[] = {EACH_FORMULA(X)};
@@ -30,9 +32,21 @@ DerivativeKernel find_kernel(int law) {
   return kernels[formula_of[law]];
 }
 
+// Whether an impulse P with these derivatives by friction, in one direction, gains energy as friction rises from 0.
+bool gains_by_friction(const Bounded<double>* law_input, const Impulse& P, const Impulse& by_friction, int direction) {
+  double gain = 0;
+  for (int i = 0; i < AXES; ++i) {
+    double u_after = law_input[LAW_INPUT_U + i].value;
+    for (int j = 0; j < AXES; ++j) u_after += law_input[LAW_INPUT_K + k_index[i][j]].value * P.value[j].value;
+    gain += by_friction.d[i][direction] * u_after;
+  }
+  return gain > 0;
+}
+
 // Differentiate the impulse of a law. Without friction every law is FRICTIONLESS, and its derivatives are those of
 // FRICTIONLESS too, except those by friction: at friction 0 slip and stick meet in one point, where a law takes either
-// branch. There springs of any stiffness have the derivatives of hard ones.
+// branch. There springs of any stiffness have the derivatives of hard ones. MOREAU falls back to COULOMB if all energy
+// comes back, and the least friction would add some.
 void differentiate_law(int law, const Bounded<double>* law_input, Seeds& seeds, Impulse* y) {
   double (&friction)[DenseDerivatives::DIRECTIONS] = seeds[LAW_INPUT_FRICTION];
   if (law_input[LAW_INPUT_FRICTION].value > 0 || law == LAW_FRICTIONLESS) return find_kernel(law)(law_input, seeds, y);
@@ -45,6 +59,11 @@ void differentiate_law(int law, const Bounded<double>* law_input, Seeds& seeds, 
   std::memcpy(friction, by_friction, sizeof friction);
   Impulse friction_part;
   find_kernel(law == LAW_COMPLIANT ? LAW_ROUTH_STRONGE : law)(law_input, seeds, &friction_part);
+  if (law == LAW_MOREAU && law_input[LAW_INPUT_RESTITUTION].value == 1) {
+    const int rising = std::max_element(by_friction, by_friction + DenseDerivatives::DIRECTIONS) - by_friction;
+    if (gains_by_friction(law_input, *y, friction_part, rising))
+      find_kernel(LAW_COULOMB)(law_input, seeds, &friction_part);
+  }
   y->kinks |= friction_part.kinks;
   y->jumps |= friction_part.jumps;
   for (int i = 0; i < AXES; ++i)
@@ -60,7 +79,6 @@ const int independent_inputs[DenseDerivatives::DIRECTIONS] = {
     LAW_INPUT_RESTITUTION, LAW_INPUT_FRICTION, LAW_INPUT_SETTINGS, LAW_INPUT_SETTINGS + MODEL_STIFFNESS_RATIO};
 
 void seed_independent(const Bounded<double>* law_input, Seeds& seeds) {
-  static const int k_index[AXES][AXES] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
   std::memset(seeds, 0, sizeof seeds);
   for (int k = 0; k < DenseDerivatives::DIRECTIONS; ++k) seeds[independent_inputs[k]][k] = 1;
   for (int i = 0; i < AXES; ++i) {
