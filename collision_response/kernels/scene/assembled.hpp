@@ -9,10 +9,7 @@ using N = Bounded<DD>;
 
 INLINE N exact(DD x) { return {x, 0}; }
 INLINE N exact(double x) { return {{x, 0}, 0}; }
-template <class R> R rounded_to(const N& x) {  // to the digits of R
-  if constexpr (is_scalar<R>) return high(x);
-  else return value(x);
-}
+template <class R> R rounded_to(const N& x) { return rounded_to<R>(value(x)); }
 INLINE double width(const N& x) { return x.error * (1 + 0x1p-30); }  // a bound on the error of high(x)
 
 // The exponent of the power of two that scales a normal or a quaternion into the middle of the range of doubles; 0 if

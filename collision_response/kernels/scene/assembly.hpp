@@ -127,7 +127,7 @@ struct Assembly {
         spin[k] = value(body->centre.numbers[CENTRE_EFFECTIVE_SPIN + k]);
         massless[k] = value(body->centre.numbers[CENTRE_MASSLESS_SPIN + k]);
         d[k] = DD{contact.point[k], 0} - value(body->centre.x[k]);
-        arm[k] = rounded_to<R>(exact(d[k] - com[k]));
+        arm[k] = rounded_to<R>(d[k] - com[k]);
       }
       const std::array<DD, 3> by_spin = cross(spin, d), by_massless_spin = cross(massless, com);
       for (int k = 0; k < 3; ++k) {
@@ -141,7 +141,7 @@ struct Assembly {
     }
     for (int axis = 0; axis < 3; ++axis)
       for (int k = 0; k < 3; ++k)
-        axes[axis].velocity = axes[axis].velocity + directions[axis][k] * rounded_to<R>(exact(velocity[k]));
+        axes[axis].velocity = axes[axis].velocity + directions[axis][k] * rounded_to<R>(velocity[k]);
     return axes;
   }
 

@@ -30,21 +30,25 @@ struct Cone {
 
   // B y: the velocity by a motion of the bodies.
   std::array<R, 3> velocity(const R* y) const {
-    std::array<R, 3> v{};
+    SumOfProducts<R> v[3];
     for (int side = 0; side < 2; ++side)
       if (body[side] >= 0) {
         const R* of = y + 6 * body[side];
-        for (int a = 0; a < 3; ++a)
-          for (int k = 0; k < 6; ++k) v[a] += row[side][a][k] * of[k];
+        for (int k = 0; k < 6; ++k)
+          for (int a = 0; a < 3; ++a) v[a].add(row[side][a][k], of[k]);
       }
-    return v;
+    return {v[0].total(), v[1].total(), v[2].total()};
   }
   // y += B^T P
   void add_effect(const std::array<R, 3>& P, std::vector<R>& y) const {
     for (int side = 0; side < 2; ++side)
       if (body[side] >= 0) {
         R* of = &y[6 * body[side]];
-        for (int k = 0; k < 6; ++k) of[k] += row[side][0][k] * P[0] + row[side][1][k] * P[1] + row[side][2][k] * P[2];
+        for (int k = 0; k < 6; ++k) {
+          SumOfProducts<R> sum{of[k]};
+          for (int a = 0; a < 3; ++a) sum.add(row[side][a][k], P[a]);
+          of[k] = sum.total();
+        }
       }
   }
 

@@ -33,7 +33,7 @@
 // 1e-3.
 #pragma once
 #include "cone.hpp"
-#include "skyline.hpp"
+#include "newton_equations.hpp"
 
 template <class R>
 class Cones {
@@ -42,6 +42,8 @@ class Cones {
   using Vector = std::vector<R>;
   // rho times the rounding of R is what P may lose in a step, before polish().
   static constexpr double FIRST_RHO = 1e6, LEAST_RHO = 1e2, GREATEST_RHO = is_scalar<R> ? 1e10 : 1e24;
+  // Up to which doubles solve Newton's equations.
+  static constexpr double GREATEST_RHO_IN_DOUBLES = 1e14, GREATEST_SIGMA_IN_DOUBLES = 1e8;
   static constexpr double KEEPING_RHO = is_scalar<R> ? 1e8 : 1e16;  // the greatest where velocities matter most
   static constexpr double SIGMA = 1e6;  // of contacts that fully take part
   static constexpr double FIRM_SIGMA = is_scalar<R> ? SIGMA : 1e20;  // beside heavy bodies
@@ -82,7 +84,9 @@ class Cones {
     multipliers.resize(kept_velocities.size());
     for (const Cone<R>& cone : cones)
       for (const R& w : cone.w) fastest_slip = std::fmax(fastest_slip, std::fabs(high(w)));
-    lay_out_matrix(graph);
+    for (const Cone<R>& cone : cones) stiffest = std::fmax(stiffest, stiffness(cone));
+    equations.lay_out(cones, graph);
+    if (!is_scalar<R>) rounded_equations.lay_out(cones, graph);
   }
 
   // For cones without friction: set w so that the minimum without constraints is y = aim.
@@ -235,7 +239,7 @@ class Cones {
 
   // A bound on the distance of y from that of the minimum of this round, without rounding.
   double motion_error() const { return motion_bounds(0).of_round; }
-  double multiplications() const { return work + matrix.multiplications(); }
+  double multiplications() const { return work + equations.multiplications() + rounded_equations.multiplications(); }
 
  private:
   template <class>
@@ -245,15 +249,16 @@ class Cones {
 
   int body_count;
   double fastest_slip = 0;  // the greatest component of w
+  double stiffest = 0;  // the greatest sigma
   Vector x;  // eta, lambda
   Vector multipliers;  // lambda_0
   double rho = 1;  // of the current step
   std::vector<Axes> from;  // Q
   Vector gradient, step, effect;  // of x
   std::vector<Slope> slopes;  // of the projections on the cones
-  Skyline<R> matrix;
-  Vector fixed;  // the entries that do not depend on P
-  double work = 0;  // multiplications, but those of the matrix
+  NewtonEquations<R> equations;
+  NewtonEquations<double> rounded_equations;  // of double-double
+  double work = 0;  // multiplications, but those of the equations
 
   struct State {
     std::vector<Axes> P, z;
@@ -450,57 +455,17 @@ class Cones {
     return graph;
   }
 
-  // Lay out Newton's matrix, and find the part of it that does not depend on P.
-  void lay_out_matrix(const ContactGraph& graph) {
-    const std::vector<std::vector<int>> groups = graph.groups();
-    matrix.lay_out(graph.order(), groups);
-    for (int i = 0; i < 6 * body_count; ++i) matrix.at(i, i) = constant<R>(1);
-    for (int b = 0; b < body_count; ++b)
-      for (size_t s = 6; s < groups[b].size(); ++s) {
-        const int i = groups[b][s];
-        const R* row = normal(i - 6 * body_count, b);
-        for (int k = 0; k < 6; ++k) matrix.at(6 * b + k, i) += row[k];
-        for (size_t t = 6; t <= s; ++t) {
-          const int j = groups[b][t];
-          const R* other = normal(j - 6 * body_count, b);
-          R sum{};
-          for (int k = 0; k < 6; ++k) sum += row[k] * other[k];
-          matrix.at(i, j) += sum;
-        }
-      }
-    fixed = matrix.entries;
-  }
-  const R* normal(int i, int body) const { return cones[i].row[cones[i].body[0] == body ? 0 : 1][0]; }
-
-  // step = -M^-1 gradient
+  // step = -M^-1 gradient. Of double-double, a step in doubles is as good: the gradient is computed in all digits.
   void newton() {
-    matrix.entries = fixed;
-    for (int i = 0; i < static_cast<int>(kept_velocities.size()); ++i)
-      matrix.at(6 * body_count + i, 6 * body_count + i) += constant<R>(1 / stiffness(cones[i]));
-    for (size_t i = 0; i < cones.size(); ++i) {
-      const Cone<R>& cone = cones[i];
-      const double own = own_step(cone);
-      R part[2][3][6];
-      if (high(slopes[i][0][0]) == 0) continue;  // no impulse at this contact
-      for (int side = 0; side < 2; ++side)
-        for (int a = 0; cone.body[side] >= 0 && a < 3; ++a)
-          for (int k = 0; k < 6; ++k)
-            part[side][a][k] = own * (slopes[i][a][0] * cone.row[side][0][k] + slopes[i][a][1] * cone.row[side][1][k] +
-                                      slopes[i][a][2] * cone.row[side][2][k]);
-      for (int s = 0; s < 2; ++s)
-        for (int t = 0; t < 2; ++t) {
-          if (cone.body[s] < 0 || cone.body[t] < 0) continue;
-          const int rows = 6 * cone.body[s], columns = 6 * cone.body[t];
-          if (!matrix.is_below(rows, columns)) continue;
-          for (int k = 0; k < 6; ++k) {
-            R* row = &matrix.at(rows + k, columns);
-            const int last = rows == columns ? k + 1 : 6;
-            for (int l = 0; l < last; ++l)
-              row[l] += cone.row[s][0][k] * part[t][0][l] + cone.row[s][1][k] * part[t][1][l] +
-                        cone.row[s][2][k] * part[t][2][l];
-          }
-        }
-    }
-    matrix.solve(gradient, step);
+    const bool are_doubles_enough = rho <= GREATEST_RHO_IN_DOUBLES && stiffest <= GREATEST_SIGMA_IN_DOUBLES;
+    if (!is_scalar<R> && are_doubles_enough) solve(rounded_equations);
+    else solve(equations);
+  }
+  template <class T>
+  void solve(NewtonEquations<T>& system) {
+    system.begin();
+    for (size_t i = 0; i < kept_velocities.size(); ++i) system.add_at_multiplier(i, 1 / stiffness(cones[i]));
+    for (size_t i = 0; i < cones.size(); ++i) system.add_contact(cones[i], slopes[i], own_step(cones[i]));
+    system.solve(gradient, step);
   }
 };

@@ -118,7 +118,7 @@ bool minimise_norm_in(const Assembly& assembly, std::vector<R>& p, bool over_cop
     weight[i] = assembly.contacts[i].length / (over_copies ? std::sqrt(assembly.contacts[i].copies) : 1);
     P[i] = weight[i] * p[i];
     terms[i] = std::fabs(high(P[i]));
-    for (size_t k = 0; k < Z.size(); ++k) Z[k][i] = weight[i] * rounded_to<R>(exact(basis[k][i]));
+    for (size_t k = 0; k < Z.size(); ++k) Z[k][i] = weight[i] * rounded_to<R>(basis[k][i]);
   }
   auto along = [&](const std::vector<R>& x, size_t k) {
     R sum{};

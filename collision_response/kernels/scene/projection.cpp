@@ -113,7 +113,7 @@ Projection project_with(const Assembly& assembly, const std::vector<N>& start, c
       q[j] = leaves ? DD{0, 0} : q[j] + lifted<DD>(by * scale(j));
     };
     MinimumStatus status = enter(active, entering, rounded_to<R>(r[entering]) * scale(entering), move,
-                                 [&](int j) { return rounded_to<R>(exact(q[j])) / scale(j); });
+                                 [&](int j) { return rounded_to<R>(q[j]) / scale(j); });
     if (status != MinimumStatus::FOUND) break;  // beyond what these digits can tell: the error bound says so
   }
   for (DD& one : q)

@@ -36,11 +36,12 @@ class Skyline {
   bool is_below(int i, int j) const { return place[i] >= place[j]; }
   double multiplications() const { return work; }
 
-  // x = -M^-1 b, column by column. The entries become the factor, with the inverses of its diagonal.
-  void solve(const std::vector<R>& b, std::vector<R>& x) {
+  // x = -M^-1 b, in numbers T of as many digits, or more; column by column. The entries become the factor, with the inverses of its diagonal.
+  template <class T>
+  void solve(const std::vector<T>& b, std::vector<T>& x) {
     const int count = static_cast<int>(place.size());
     std::vector<R>& M = entries;
-    for (int i = 0; i < count; ++i) rhs[place[i]] = -b[i];
+    for (int i = 0; i < count; ++i) rhs[place[i]] = -rounded_to<R>(b[i]);
     for (int k = 0; k < count; ++k) {
       R& pivot = M[start[k + 1] - 1];
       pivot = high(pivot) > 0 ? constant<R>(1) / root(pivot) : constant<R>(0x1p-200);
@@ -50,7 +51,11 @@ class Skyline {
         if (first[i] > k) continue;
         R* row = &M[start[i]] + (k - first[i]);
         const R entry = column[i] = row[0] = row[0] * pivot;
-        for (int j = k + 1; j <= i; ++j) row[j - k] -= entry * column[j];
+        for (int j = k + 1; j <= i; ++j) {
+          SumOfProducts<R> sum{row[j - k]};
+          sum.add(-entry, column[j]);
+          row[j - k] = sum.total();
+        }
         rhs[i] -= entry * rhs[k];
         work += i - k;
       }
@@ -60,7 +65,7 @@ class Skyline {
       rhs[i] = rhs[i] * row[i - first[i]];
       for (int j = first[i]; j < i; ++j) rhs[j] -= row[j - first[i]] * rhs[i];
     }
-    for (int i = 0; i < count; ++i) x[i] = rhs[place[i]];
+    for (int i = 0; i < count; ++i) x[i] = lifted<T>(rhs[place[i]]);
   }
 
  private:
