@@ -22,6 +22,7 @@ from ros_graph import assign, state_of, wait_until
 
 from collision_response import Body, StatusCode
 from collision_response.cli import main
+from collision_response.model import ENUMERATIONS
 from collision_response.msg import BodyState
 from collision_response.ros import markers, parameters, sources
 from collision_response.ros.parameters import DECLARATIONS
@@ -68,6 +69,13 @@ def test_every_parameter_is_listed_with_its_default():
     assert {name: ast.literal_eval(default) for name, default in listed.items()} == {
         declaration.name: declaration.default for declaration in DECLARATIONS
     }
+
+
+@pytest.mark.parametrize("name", ENUMERATIONS)
+def test_every_choice_of_a_model_is_listed(name):
+    page = (ROOT / "docs" / "parameters.md").read_text(encoding="utf-8")
+    (row,) = re.findall(rf"^\| `{name}` \|.*$", page, re.MULTILINE)
+    assert set(re.findall(r"`(\w+)`", row)) - {name} == set(parameters.CHOICES[name])
 
 
 def _leaves(tree, path=""):

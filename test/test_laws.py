@@ -212,6 +212,11 @@ ORACLE_TOLERANCE = {Law.COULOMB: 1e-12, Law.MOREAU: 1e-11, Law.ROUTH_POISSON: 1e
 root. Integrated laws: their default tolerance."""
 
 
+def test_every_law_has_an_oracle():
+    """That of FRICTIONLESS are fractions, that of COMPLIANT is in ``test_compliant.py``."""
+    assert set(Law) == {Law.AUTO, Law.FRICTIONLESS, Law.COMPLIANT, *LAWS_WITH_FRICTION}
+
+
 @pytest.mark.parametrize("off_centre", [False, True])
 @pytest.mark.parametrize("law", LAWS_WITH_FRICTION)
 @pytest.mark.parametrize("seed", range(2))
