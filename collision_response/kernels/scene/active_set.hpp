@@ -208,9 +208,9 @@ Minimum<R> minimise(const std::vector<R>& A, const std::vector<R>& b, const std:
       if (high(A[i * stride + j]) != 0) coupled.push_back(j);
     end.push_back(coupled.size());
   }
-  // Mostly, 2 n turns are enough. After 4 n, the first column whose slope is negative enters, so that they do not cycle.
-  // Where doubles still do, they have too few digits.
-  const size_t by_slope = 20 + 4 * n, turns = is_scalar<R> ? 2 * by_slope : 200 + 50 * n;
+  // Mostly, n turns are enough. Where doubles take more than 2 n, they have too few digits. In double-double, the first
+  // column whose slope is negative enters after 4 n, so that columns do not take turns for ever.
+  const size_t by_slope = 20 + 4 * n, turns = is_scalar<R> ? 20 + 2 * n : 200 + 50 * n;
   for (size_t turn = 0; turn < turns; ++turn) {
     int entering = -1;
     R most{};
