@@ -38,7 +38,7 @@ def test_the_command_reads_tables_as_papers_print_them(tmp_path: Path, capsys):
     options = ["--speed", "3.9", "--radius", ".0025", "--errors", "ratio=.008", "--resamples", "2"]
     assert main([str(table), *options]) == 0
     assert "friction (1 + restitution) = 0.18" in capsys.readouterr().out
-    assert main([str(table)]) == 1
+    assert main([str(table)]) == 2
     assert "--speed" in capsys.readouterr().err
 
 
@@ -63,7 +63,7 @@ def test_the_command_reads_tables_as_papers_print_them(tmp_path: Path, capsys):
 def test_a_bad_table_is_refused_in_one_line(tmp_path: Path, capsys, text, told):
     table = tmp_path / "impacts.csv"
     table.write_text(text)
-    assert main([str(table)]) == 1
+    assert main([str(table)]) == 2
     err = capsys.readouterr().err
     assert told in err and err.count("\n") == 1
 
@@ -99,9 +99,9 @@ def test_options_that_make_no_sense_are_refused_by_name(tmp_path: Path, capsys, 
     path.write_text(TABLE)
     if "--within" in option:
         path = recording(tmp_path / "a.rrd", [(1.0, 0.9)] * 3, [])
-    assert main([str(path), *option]) == 1
+    assert main([str(path), *option]) == 2
     err = capsys.readouterr().err
-    assert err.startswith(f"{path}: {told}") and err.count("\n") == 1
+    assert err.startswith(f"collision_response identify: {path}: {told}") and err.count("\n") == 1
 
 
 @pytest.mark.parametrize("kind", ["missing", "folder", "binary", "empty"])
@@ -112,7 +112,7 @@ def test_a_file_that_cannot_be_read_is_named_once(tmp_path: Path, capsys, kind, 
         path.mkdir()
     elif kind != "missing":
         path.write_bytes(b"\xff\xfe\0" * 100 if kind == "binary" else b"")
-    assert main([str(path)]) == 1
+    assert main([str(path)]) == 2
     err = capsys.readouterr().err
     assert err.count(str(path)) == 1 and err.count("\n") == 1
 
@@ -122,11 +122,11 @@ def test_a_picture_that_cannot_be_written_is_named(tmp_path: Path, capsys, name)
     table, picture = tmp_path / "impacts.csv", tmp_path / name
     table.write_text(TABLE)
     options = ["--set", "m=2", "nz=1", "--resamples", "2"]
-    assert main([str(table), *options, "--plot", str(picture)]) == 1
+    assert main([str(table), *options, "--plot", str(picture)]) == 2
     said = capsys.readouterr()
     assert "friction = 0.1 " in said.out
     *_, last = said.err.splitlines()
-    assert last.startswith(f"{picture}: ")
+    assert last.startswith(f"collision_response identify: {picture}: ")
 
 
 @pytest.mark.parametrize(
@@ -155,7 +155,7 @@ def test_an_option_may_be_repeated_for_each_value(tmp_path: Path, capsys, option
 def test_a_misspelt_column_is_refused(tmp_path: Path, capsys):
     table = tmp_path / "impacts.csv"
     table.write_text(TABLE)
-    assert main([str(table), "--set", "m=2", "nz=1", "vy_afte=0"]) == 1
+    assert main([str(table), "--set", "m=2", "nz=1", "vy_afte=0"]) == 2
     assert "columns: vy_afte is unknown" in capsys.readouterr().err
 
 
@@ -166,7 +166,7 @@ def test_the_command_does_not_fit_what_is_given(tmp_path: Path, capsys):
     assert main([*options, "--given", "restitution=0.5"]) == 0
     out = capsys.readouterr().out
     assert "friction = 0.1 " in out and "restitution" not in out
-    assert main([*options, "--fit", "restitution", "restitution"]) == 1
+    assert main([*options, "--fit", "restitution", "restitution"]) == 2
     assert "fit: has restitution twice" in capsys.readouterr().err
 
 
@@ -242,16 +242,16 @@ def test_a_truncated_recording_is_refused_in_one_line(tmp_path: Path, capsys, le
     whole = recording(tmp_path / "a.rrd", [(1.0, 0.9)] * 3, []).read_bytes()
     path = tmp_path / "b.rrd"
     path.write_bytes(whole[: left if isinstance(left, int) else int(left * len(whole))])
-    assert main([str(path)]) == 1
+    assert main([str(path)]) == 2
     err = capsys.readouterr().err
-    assert err.startswith(says.format(path=path)) and err.count("\n") == 1
+    assert err.startswith("collision_response identify: " + says.format(path=path)) and err.count("\n") == 1
 
 
 def test_a_table_named_like_a_recording_is_refused_in_one_line(tmp_path: Path, capsys):
     pytest.importorskip("rerun")
     path = tmp_path / "a.rrd"
     path.write_text(TABLE)
-    assert main([str(path)]) == 1
+    assert main([str(path)]) == 2
     err = capsys.readouterr().err
     assert "Not an RRD file" in err and err.count("\n") == 1
 
@@ -318,7 +318,7 @@ def test_the_states_of_a_body_are_found_under_any_name(tmp_path: Path, capsys, n
 
 def test_a_recording_without_body_states_is_refused(tmp_path: Path, capsys):
     path = recording(tmp_path / "a.rrd", [(1.0, 0.9)] * 3, [])
-    assert main([str(path)]) == 1
+    assert main([str(path)]) == 2
     assert "no state of a body was received within 0.05 s" in capsys.readouterr().err
 
 
@@ -326,7 +326,7 @@ def test_a_recording_of_articulated_bodies_is_refused(tmp_path: Path, capsys):
     """Its infinite mass must not be taken for an immovable body."""
     link = Body.articulated(np.eye(6).tolist())
     path = recording(tmp_path / "a.rrd", [(1.0, 0.9)] * 3, [], link)
-    assert main([str(path), "--within", "0"]) == 1
+    assert main([str(path), "--within", "0"]) == 2
     assert "impacts[0].body_b.inverse_inertia" in capsys.readouterr().err
 
 
@@ -341,11 +341,11 @@ def test_a_recording_of_another_program_is_refused_in_one_line(tmp_path: Path, c
         rows = rr.DynamicArchetype.columns(archetype="Impact", components=columns)
         stream.send_columns("/impacts", [rr.TimeColumn("answer", sequence=[1])], rows)
     stream.disconnect()
-    assert main([str(tmp_path / "a.rrd")]) == 1
+    assert main([str(tmp_path / "a.rrd")]) == 2
     err = capsys.readouterr().err
     assert "is not a recording of this node" in err and err.count("\n") == 1
 
 
 def test_a_recording_without_impacts_is_refused(tmp_path: Path, capsys):
-    assert main([str(recording(tmp_path / "a.rrd", [], [(10**9, 1.0)]))]) == 1
+    assert main([str(recording(tmp_path / "a.rrd", [], [(10**9, 1.0)]))]) == 2
     assert "/impacts: there are none in" in capsys.readouterr().err

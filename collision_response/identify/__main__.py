@@ -90,8 +90,9 @@ EXPECTED_ERRORS = ImpactError, ImportError, OSError, ValueError
 def _failed(file: object, error: Exception) -> int:
     code = f" ({error.code.name})" if isinstance(error, ImpactError) else ""
     reason = getattr(error, "strerror", None) or " ".join(str(error).split())  # strerror names no file
-    print((reason if str(file) in reason else f"{file}: {reason}") + code, file=sys.stderr)
-    return 1
+    where = "" if str(file) in reason else f"{file}: "
+    print(f"collision_response identify: {where}{reason}{code}", file=sys.stderr)
+    return 2
 
 
 def read(arguments: argparse.Namespace) -> Measurements:
