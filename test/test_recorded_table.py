@@ -361,7 +361,7 @@ def test_all_runs_in_a_merged_file_are_read(recording, capsys):
     subprocess.run([sys.executable, "-m", "rerun", "rrd", "merge", *runs, "-o", merged], check=True)
     assert read([merged])["answer"].to_pylist() == [1, 2]
     assert main(["replay", str(merged)]) == 0
-    assert main(["identify", str(merged)]) == 1
+    assert main(["identify", str(merged)]) == 2
     assert "must be those of one run of the node" in capsys.readouterr().err
 
 
