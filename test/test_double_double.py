@@ -18,6 +18,7 @@ ROUNDOFF = F(2) ** -102
 
 SOURCE = """
 #include "numbers.hpp"
+#include "scene/vectors.hpp"
 
 template <class N> N calculated(int op, const N& a, const N& b) {
   switch (op) {
@@ -37,6 +38,15 @@ using Pair = DoubleDouble<double>;
 
 extern "C" void on_pairs(int op, const double* x, double* y) {
   Pair z = calculated<Pair>(op, {x[0], x[1]}, {x[2], x[3]});
+  y[0] = z.h; y[1] = z.l;
+}
+extern "C" void inner_product(int count, const double* x, double* y) {
+  std::vector<Pair> a, b;
+  for (int i = 0; i < count; ++i, x += 4) {
+    a.push_back({x[0], x[1]});
+    b.push_back({x[2], x[3]});
+  }
+  Pair z = dot(a, b);
   y[0] = z.h; y[1] = z.l;
 }
 extern "C" int compare_pairs(int op, const double* x) {
@@ -128,6 +138,16 @@ def test_operations(numbers, x, y):
 def test_a_sum_that_cancels(numbers, x, share, tail):
     y = pair(-x[0] * (1 + share * 2.0**-50), tail)
     assert_close(call(numbers.on_pairs, "+", *x, *y), value(x) + value(y))
+
+
+@given(terms=st.lists(st.tuples(pairs, pairs), max_size=14), order=st.randoms())
+def test_inner_products_are_as_exact_as_their_terms(numbers, terms, order):
+    """Also where all terms but one cancel: the error is that of the roundings of the terms."""
+    opposite = [((-a[0], -a[1]), b) for a, b in terms[1:]]
+    for summed in (terms, order.sample(terms + opposite, len(terms + opposite))):
+        exact = [value(a) * value(b) for a, b in summed]
+        found = call(numbers.inner_product, len(summed), *(x for a, b in summed for x in (*a, *b)))
+        assert abs(value(found) - sum(exact)) <= len(summed) * ROUNDOFF * sum(map(abs, exact))
 
 
 @given(x=pairs)
