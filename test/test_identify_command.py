@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -150,6 +152,15 @@ def test_an_option_may_be_repeated_for_each_value(tmp_path: Path, capsys, option
         assert main([str(table), *words, "--resamples", "2"]) == 0
         told.append(capsys.readouterr().out)
     assert told[0] == told[1]
+
+
+def test_without_scipy_it_says_what_to_install(tmp_path: Path, capsys, monkeypatch):
+    table = tmp_path / "impacts.csv"
+    table.write_text(TABLE)
+    monkeypatch.setitem(sys.modules, "scipy.optimize", None)
+    assert main([str(table), "--set", "m=2", "nz=1"]) == os.EX_UNAVAILABLE
+    *_, last = capsys.readouterr().err.splitlines()
+    assert last == "collision_response needs SciPy for this: pip install scipy"
 
 
 def test_a_misspelt_column_is_refused(tmp_path: Path, capsys):

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..answer import Impact
+from ..arguments import as_list
 from ..batch import BatchResult, resolve_batch
 from ..batch.arrays import Array, as_numpy, compared_by_identity
 from ..batch.pairs import IS_ANSWER
@@ -207,9 +208,7 @@ def unit_directions(*with_respect_to: str) -> Array:
 
 def _directions_and_columns(with_respect_to: Iterable[str]) -> tuple[Array, dict[str, slice]]:
     try:
-        if isinstance(with_respect_to, str):
-            raise TypeError
-        return _unit_directions(tuple(with_respect_to))
+        return _unit_directions(tuple(as_list("with_respect_to", with_respect_to)))
     except TypeError:  # it is not iterable, one name, or holds lists
         reason = f"must be a sequence of names of parameters, is {format_value(with_respect_to)}"
         raise TypeError(f"with_respect_to: {reason}") from None

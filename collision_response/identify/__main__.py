@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -88,6 +89,9 @@ EXPECTED_ERRORS = ImpactError, ImportError, OSError, ValueError
 
 
 def _failed(file: object, error: Exception) -> int:
+    if isinstance(error, ImportError):  # it says what to install
+        print(error, file=sys.stderr)
+        return os.EX_UNAVAILABLE
     code = f" ({error.code.name})" if isinstance(error, ImpactError) else ""
     reason = getattr(error, "strerror", None) or " ".join(str(error).split())  # strerror names no file
     where = "" if str(file) in reason else f"{file}: "

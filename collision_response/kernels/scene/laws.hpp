@@ -21,7 +21,6 @@ struct SpringOptions {
 };
 struct PathAnswer {
   ClusterImpulses impulses;
-  Vector changes;  // of the twists of the movable bodies
   double friction_loss = 0;  // energy that friction took
   double rounding = 0;  // error bound of the effect of these impulses
   double error = INFINITY;  // estimate of the relative error of the path

@@ -36,7 +36,8 @@ class Skyline {
   bool is_below(int i, int j) const { return place[i] >= place[j]; }
   double multiplications() const { return work; }
 
-  // x = -M^-1 b, in numbers T of as many digits, or more; column by column. The entries become the factor, with the inverses of its diagonal.
+  // x = -M^-1 b, column by column, for numbers T of at least as many digits. The entries become the factor, with the
+  // inverses of its diagonal.
   template <class T>
   void solve(const std::vector<T>& b, std::vector<T>& x) {
     const int count = static_cast<int>(place.size());

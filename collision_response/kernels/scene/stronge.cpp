@@ -30,9 +30,14 @@ namespace {
 constexpr double LEAST_RESTITUTION = 0.05;
 constexpr const char* TOO_INELASTIC = "must be at least 0.05 for ROUTH_STRONGE in a cluster";
 
+struct FollowedPath : PathAnswer {
+  Vector changes;  // of the twists of the movable bodies
+};
+
 template <class Path>
-PathAnswer answer_of(const Assembly& assembly, const Path& path) {
-  PathAnswer answer{with_axis_impulses({}, assembly, path.in_newton_seconds(path.impulses())), {}};
+FollowedPath answer_of(const Assembly& assembly, const Path& path) {
+  FollowedPath answer;
+  answer.impulses = with_axis_impulses({}, assembly, path.in_newton_seconds(path.impulses()));
   if (!Path::HAS_FRICTION) answer.impulses.tangential.clear();
   const ImpulseEffect effect = effect_of(assembly, answer.impulses, true);
   answer.changes = effect.changes;
@@ -69,7 +74,7 @@ PathAnswer follow(const Assembly& assembly, const SpringOptions& options, double
   long work = options.work;
   double tolerance = Path::FIRST_TOLERANCE, ratio = Path::LEAST_RATIO;  // of a step; that of one path to the next
   double change = 0;
-  PathAnswer last;
+  FollowedPath last;
   for (int paths = 0; tolerance >= FINEST && (paths < LEAST_PATHS || last.error > wanted); ++paths) {
     Path path(assembly, options, tolerance, work);
     if (!path.follow()) {
@@ -77,7 +82,7 @@ PathAnswer follow(const Assembly& assembly, const SpringOptions& options, double
         last.fault = "friction wedges the bodies: springs stay compressed, and their impulses have no end";
       break;
     }
-    PathAnswer found = answer_of(assembly, path);
+    FollowedPath found = answer_of(assembly, path);
     if (paths > 0) {
       // A change may be small by chance, so it counts for no less than the one before predicts.
       change = std::fmax(relative_distance(assembly, last.changes, found.changes), change * ratio);
