@@ -237,3 +237,10 @@ def ill_conditioned(law: Law, decades: float, count: int = 120):
     bodies, contacts = batch_of(collisions)
     of_their_own = [model.tangential_restitution for model in models]
     return collisions, models, bodies, np.vstack([contacts, of_their_own])
+
+
+def on_another_device(array):
+    """An array in memory of its own, as that of a GPU: it cannot be mixed with arrays elsewhere."""
+    import array_api_strict
+
+    return array_api_strict.asarray(array, device=array_api_strict.Device("device1"))

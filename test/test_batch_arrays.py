@@ -12,11 +12,12 @@ import array_api_strict
 import dask
 import dask.array as da
 import numpy as np
-from batch_cases import FIRST_FAULTY, N, assert_same, shared_batch
+from batch_cases import FIRST_FAULTY, N, assert_same, on_another_device, shared_batch
 from collisions import LAWS_WITH_ORACLE
 
 from collision_response import Body, Contact, Geometry, ImpactModel, Law, Precision
 from collision_response.batch import resolve_batch
+from collision_response.batch.arrays import as_numpy
 from collision_response.impact import impact
 from collision_response.physics.tensor import Symmetric3
 from collision_response.physics.vector import Vec3
@@ -75,6 +76,16 @@ def test_dask_is_lazy_and_keeps_its_chunks(model):
     computed = dask.compute(*(array for array in result if array is not None), scheduler="synchronous")
     for array, wanted in zip(computed, (x for x in expected if x is not None), strict=True):
         np.testing.assert_array_equal(array, wanted)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_results_are_on_the_device_of_the_bodies(model):
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
+    result = resolve_batch(on_another_device(bodies), on_another_device(contacts), model)
+    here = [array for array in result if array is not None]
+    assert {array.device for array in here} == {on_another_device(bodies).device}
+    expected = resolve_batch(bodies, contacts, model)
+    assert_same(result.mapped(np.from_dlpack), expected)
 
 
 LAZY = {"bodies": (4, 1, 90), "contacts": (3, 70)}
@@ -155,18 +166,18 @@ def collision_of_arrays(number) -> tuple[Body, Body, Contact]:
 
 
 MAKES = [
-    *product([np.array, array_api_strict.asarray], LAWS_WITH_ORACLE),
+    *product([np.array, array_api_strict.asarray, on_another_device], LAWS_WITH_ORACLE),
     (da.from_array, Law.COULOMB),  # dask would recompute every turn of a loop from the start
 ]
 
 
-@pytest.mark.parametrize(("make", "law"), MAKES, ids=lambda one: getattr(one, "__module__", None) or one.name)
+@pytest.mark.parametrize(("make", "law"), MAKES, ids=lambda one: getattr(one, "__name__", None) or one.name)
 def test_the_formulas_accept_arrays_of_other_libraries(make, law):
     """All contacts of a batch at once, bit for bit as the batch answers."""
     with np.errstate(all="ignore"):
         answer = impact(*collision_of_arrays(make), law)
-        impulse = [np.asarray(x) for x in answer.changes.impulse]
-        spin = [np.asarray(x) for x in answer.report.twist_b.angular]
+        impulse = [as_numpy("impulse", x) for x in answer.changes.impulse]
+        spin = [as_numpy("spin", x) for x in answer.report.twist_b.angular]
     bodies, contacts = (array[..., :FIRST_FAULTY] for array in shared_batch(Geometry.SPATIAL))
     expected = resolve_batch(bodies, contacts, ImpactModel(law))
     np.testing.assert_array_equal(impulse, expected.impulse)

@@ -15,7 +15,16 @@ pytest.importorskip("dask.array")
 import array_api_strict
 import dask.array as da
 import numpy as np
-from batch_cases import FIRST_FAULTY, N, assert_same, collision_at, columns, has_tiny_numbers, shared_batch
+from batch_cases import (
+    FIRST_FAULTY,
+    N,
+    assert_same,
+    collision_at,
+    columns,
+    has_tiny_numbers,
+    on_another_device,
+    shared_batch,
+)
 from collisions import LAWS_WITH_ORACLE
 
 import collision_response.batch.pairs
@@ -200,11 +209,12 @@ def test_out_may_not_overlap_input_that_is_not_contiguous():
     np.testing.assert_array_equal(contacts, given)
 
 
-@pytest.mark.parametrize("make", [array_api_strict.asarray])
+@pytest.mark.parametrize("make", [array_api_strict.asarray, on_another_device])
 def test_arrays_of_other_libraries(make):
     table, pairs, contacts = crowded_table()
     result = resolve_batch(make(table), make(contacts), pairs=make(pairs), report=True)
     assert type(result.regime) is type(make(table))
+    assert result.regime.device == make(table).device
     here = result.mapped(np.from_dlpack)
     assert_same(here, resolve_batch(table, contacts, pairs=pairs, report=True))
 
@@ -469,7 +479,7 @@ def test_bodies_without_an_answer_keep_their_velocity():
     assert np.isnan(table).any(axis=0).sum() == np.isnan(before).any(axis=0).sum()
 
 
-@pytest.mark.parametrize("make", [np.asarray, array_api_strict.asarray])
+@pytest.mark.parametrize("make", [np.asarray, array_api_strict.asarray, on_another_device])
 @pytest.mark.parametrize(
     "make_result", [np.asarray, array_api_strict.asarray, lambda array: da.from_array(array, chunks=-1)]
 )
@@ -487,6 +497,20 @@ def test_tables_of_every_array_library_get_the_velocities(geometry, oriented, ma
         scatter_velocities(table, make(own), theirs)
         np.testing.assert_array_equal(np.asarray(np.from_dlpack(table)), expected)
         assert not np.array_equal(expected, body_table(bodies), equal_nan=True)
+
+
+def test_tables_of_a_library_without_assignment_are_refused(monkeypatch):
+    """As those of JAX."""
+    bodies, contacts = shared_batch(Geometry.POINT)
+    table = array_api_strict.asarray(body_table(bodies))
+    result = resolve_batch(body_table(bodies), contacts, pairs=SHARED_PAIRS)
+
+    def refuse(self, key, value):
+        raise TypeError("immutable")
+
+    monkeypatch.setattr(type(table), "__setitem__", refuse)
+    with pytest.raises(ValueError, match=r"^bodies: must be an array that can be changed: immutable$"):
+        scatter_velocities(table, SHARED_PAIRS, result)
 
 
 @pytest.mark.parametrize("make", [da.asarray, np.ndarray.tolist, tuple])

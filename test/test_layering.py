@@ -43,7 +43,7 @@ ONLY = {"status": {"named_enum"}, "physics": {"arguments", "named_enum", "number
 FORBIDDEN = {"recording": {"batch", "kernels"}, "ros": {"kernels"}, "demo": {"kernels"}, "cli": {"kernels"}}
 THIRD_PARTY = {
     "numbers": {"numpy", "flint"},
-    "batch": {"numpy", "dask", "torch"},
+    "batch": {"cupy", "dask", "numpy", "torch"},
     "description": {"numpy"},
     "strict_yaml": {"yaml"},
     "identify": {"numpy", "scipy", "matplotlib", "rerun"},

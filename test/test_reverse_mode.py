@@ -44,7 +44,7 @@ def by_reverse(collision, law: Law) -> np.ndarray:
     return np.array([P.gradient(*a.velocity, contact.friction) for P in answer.changes.impulse])
 
 
-@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
 @pytest.mark.parametrize(
     "collision", [HEAD_ON, *(random_collision(seed) for seed in range(4))], ids=lambda _: ""
 )

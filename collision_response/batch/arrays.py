@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
@@ -11,6 +12,9 @@ Array: TypeAlias = np.ndarray[Any, Any]
 """An array of NumPy."""
 
 T = TypeVar("T")
+
+TO_HOST: dict[str, Any] = {"device": "cpu"} if np.lib.NumpyVersion(np.__version__) >= "2.1.0" else {}
+"""Arguments with which ``from_dlpack`` copies from the memory of a GPU. Older NumPy cannot."""
 
 
 def compared_by_identity(result: type[T]) -> type[T]:
@@ -21,7 +25,7 @@ def compared_by_identity(result: type[T]) -> type[T]:
 
 
 def as_numpy(name: str, array: Any) -> Array:
-    """Return the array as one of NumPy, without a copy if possible.
+    """Return the array as one of NumPy, without a copy if possible. It is copied from the memory of a GPU.
 
     Raises:
         ValueError: if it is not an array, if NumPy cannot read its memory, or if elements are masked.
@@ -29,7 +33,7 @@ def as_numpy(name: str, array: Any) -> Array:
     check_unmasked(name, array)
     is_foreign = not isinstance(array, (np.ndarray, np.generic)) and hasattr(array, "__dlpack__")
     try:
-        return np.from_dlpack(array) if is_foreign else np.asarray(array)
+        return np.from_dlpack(array, **TO_HOST) if is_foreign else np.asarray(array)
     except (BufferError, RuntimeError, TypeError, ValueError) as error:
         raise ValueError(f"{name}: must be an array that NumPy can read: {error}") from error
 
@@ -46,18 +50,28 @@ def is_lazy(array: Any) -> bool:
 
 
 def converter_like(array: Any) -> Callable[[Array], Any] | None:
-    """Return a function that converts arrays of NumPy to the library of ``array``.
+    """Return a function that converts arrays of NumPy to the library and the device of ``array``.
 
-    ``None`` if ``array`` is NumPy's, or of a library without the Array API.
+    ``None`` if ``array`` is NumPy's, or of a library without the Array API. PyTorch and CuPy have it, though
+    their arrays do not tell.
     """
     library = library_of(array)
-    namespace = getattr(array, "__array_namespace__", None)
-    if library == "torch" and namespace is None:
+    if library == "torch":
         import torch
 
-        convert: Callable[[Array], Any] = torch.from_dlpack
-        return convert
-    return None if library == "numpy" or namespace is None else namespace().asarray
+        return partial(torch.asarray, device=array.device)
+    if library == "cupy":
+        import cupy
+
+        def on_its_device(result: Array) -> Any:
+            with array.device:
+                return cupy.asarray(result)
+
+        return on_its_device
+    namespace = getattr(array, "__array_namespace__", None)
+    if library == "numpy" or namespace is None:
+        return None
+    return partial(namespace().asarray, device=getattr(array, "device", None))  # JAX compiles without devices
 
 
 def library_of(array: Any) -> str:

@@ -117,8 +117,11 @@ def scatter_velocities(bodies: Array, pairs: Any, result: BatchResult) -> None:
         table = as_numpy("bodies", bodies).copy()
         scatter_velocities(table, pairs, result)
         rows = rows_of(table.shape[0])
-        for motion in (rows.velocity, rows.angular_velocity):
-            bodies[motion, :] = convert(table[motion])
+        try:
+            for motion in (rows.velocity, rows.angular_velocity):
+                bodies[motion, :] = convert(table[motion])
+        except TypeError as error:
+            raise ValueError(f"bodies: must be an array that can be changed: {error}") from error
         return
     if bodies.ndim != 2 or bodies.dtype.kind != "f":
         raise ValueError(f"bodies: must be floats of shape (rows, B), are {bodies.dtype} of {bodies.shape}")

@@ -82,8 +82,9 @@ def resolve_batch(
         workers: number of threads, at least 1, that share the contacts. Other Python threads run meanwhile.
 
     Returns:
-        Arrays of the library of ``bodies``. If any input is a Dask array, they are lazy. Their chunks
-        are those of ``bodies``, or with ``pairs`` those of ``contacts``, without the empty ones.
+        Arrays of the library of ``bodies``, on the same device: inputs on a GPU are copied to the CPU, which
+        needs NumPy 2.1, and results back. If any input is a Dask array, they are lazy. Their chunks are
+        those of ``bodies``, or with ``pairs`` those of ``contacts``, without the empty ones.
 
     Raises:
         ImpactError: INVALID_MODEL or INVALID_COEFFICIENT, if the model is invalid, or not for batches.

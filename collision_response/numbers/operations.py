@@ -254,7 +254,7 @@ def _where_of(condition: Any) -> Callable[..., Any]:
 
     PyTorch's arrays have no ``__array_namespace__``, so it is looked up in their module. Dask's have neither,
     but NumPy's ``where`` dispatches to theirs. By the array standard, ``where`` takes a number only together
-    with an array, so numbers are converted.
+    with an array on the same device, so numbers are converted.
     """
     namespace = getattr(condition, "__array_namespace__", None)
     if namespace is None:
@@ -262,11 +262,13 @@ def _where_of(condition: Any) -> Callable[..., Any]:
         own: Callable[..., Any] = getattr(module, "where", None) or import_module("numpy").where
         return own
     xp = namespace()
+    device = getattr(condition, "device", None)  # JAX compiles without devices
+
+    def array(x: Any) -> Any:
+        return xp.asarray(float(x), device=device) if isinstance(x, (int, float)) else x
 
     def where(condition: Any, *values: Any) -> Any:
-        return xp.where(
-            condition, *(xp.asarray(float(x)) if isinstance(x, (int, float)) else x for x in values)
-        )
+        return xp.where(condition, *map(array, values))
 
     return where
 
