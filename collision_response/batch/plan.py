@@ -57,9 +57,10 @@ class BatchRequest(NamedTuple):
 
     def contiguous(self) -> BatchRequest:
         """Return the request with contiguous tables."""
-        return self._replace(
-            bodies=np.ascontiguousarray(self.bodies), contacts=np.ascontiguousarray(self.contacts)
-        )
+        if self.bodies.flags.c_contiguous and self.contacts.flags.c_contiguous:
+            return self
+        bodies, contacts = np.ascontiguousarray(self.bodies), np.ascontiguousarray(self.contacts)
+        return BatchRequest(self.plan, bodies, self.pairs, contacts)
 
     def select(self, columns: Array) -> BatchRequest:
         """Return the request for some contacts, each with its own copy of its two bodies."""

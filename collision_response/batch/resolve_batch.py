@@ -100,6 +100,7 @@ def resolve_batch(
         return _resolve_other_arrays(bodies, contacts, model, pairs, report, out, workers)
     request = BatchRequest.of(bodies, contacts, model, None if pairs is None else as_pairs(pairs))
     if out is None:
+        request = request.contiguous()
         fields = request.plan.result_fields(contacts.shape[1], report)
         out = fields.mapped(lambda field: np.empty(*field))
     elif report and out.regime is None:
@@ -155,6 +156,8 @@ def resolve_with_pauses(
     if worst is None:  # an array is not contiguous, does not fit, or shares memory with another
         _check_out(request, n, out)
         request = request.contiguous()
+        worst = _run(request, request.plan.number_type, out, workers, *columns)
+    if worst is None:
         target = out.mapped(lambda array: np.empty_like(array, order="C"))
         worst = _run(request, request.plan.number_type, target, workers, *columns)
         assert worst is not None, "copies fit"
@@ -270,6 +273,8 @@ def _overlaps_itself(array: Array) -> bool:
 
     They differ in some index; then that of 0 along this axis shares memory with those of greater indices.
     """
+    if array.flags.c_contiguous:
+        return False
     axes = (np.moveaxis(array, axis, 0) for axis in range(array.ndim))
     return any(np.shares_memory(along[:1], along[1:]) for along in axes)
 

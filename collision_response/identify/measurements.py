@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -155,7 +155,8 @@ class Impacts(Measurements):
         return self.contacts.shape[1]
 
     def take(self, chosen: Array) -> Impacts:
-        return Impacts(*(table[..., chosen] for table in (self.bodies, self.contacts, self.after, self.root)))
+        tables = self.bodies, self.contacts, self.after, self.root
+        return Impacts(*(np.ascontiguousarray(table[..., chosen]) for table in tables))
 
     def approaching(self) -> Array:
         return (self._at_contact(self._twists_before()) * self.contacts[CONTACT.normal]).sum(axis=0) < 0
@@ -193,7 +194,7 @@ class Impacts(Measurements):
         contacts = self.contacts.copy()
         contacts[CONTACT.restitution] = coefficients["restitution"]
         contacts[CONTACT.friction] = coefficients.get("friction", 0.0)
-        result = resolve_batch(self.bodies, contacts, ImpactModel(law, **of_model))
+        result = resolve_batch(self.bodies, contacts, _model_of(law, **of_model))
         if (refused := np.flatnonzero(result.status > StatusCode.SEPARATING)).size:
             i = int(refused[0])
             raise ImpactError(
@@ -246,6 +247,12 @@ class Impacts(Measurements):
 
     def _twists_before(self) -> Array:
         return np.concatenate([self.bodies[BODY.velocity], self.bodies[BODY.angular_velocity]])
+
+
+@lru_cache(maxsize=64)
+def _model_of(law: Law, **fields: float) -> ImpactModel:
+    """Return a model, the same object each time: batches keep the plans of recent models."""
+    return ImpactModel(law, **fields)
 
 
 def _in_rows(parts: Sequence[Array]) -> Array:
