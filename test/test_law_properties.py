@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+
 import pytest
 from collisions import (
     LAWS_WITH_FRICTION,
@@ -14,7 +16,8 @@ from collisions import (
 from hypothesis import given, settings
 from scene_cases import rotate
 
-from collision_response import Geometry, Impact, Law, StatusCode
+from collision_response import Body, Contact, Geometry, Impact, Law, StatusCode
+from collision_response.impact import impact
 from collision_response.physics.vector import Vec3
 
 TOLERANCE = 1e-9
@@ -159,3 +162,23 @@ def test_poisson_and_stronge_agree_where_the_slip_never_stops():
 
 def close(value: Vec3, expected: Vec3) -> None:
     assert (value - expected).norm() <= TOLERANCE * (expected.norm() + 1e-3)
+
+
+@pytest.mark.parametrize(
+    "law", [Law.ROUTH_POISSON, Law.ROUTH_STRONGE, Law.COMPLIANT], ids=lambda law: law.name
+)
+def test_bodies_that_separate_have_no_path_to_follow(law, monkeypatch):
+    """A path takes a hundred times as long as to see that there is none."""
+
+    def refuse(state, going, step, budget, **kwargs):
+        assert not going(state)
+        return state
+
+    ball, wall = Body.sphere(1.0, 0.1, velocity=(0.3, 0.1, 0.5), angular_velocity=(1, 2, 3)), Body.static()
+    contact = Contact.of((0.05, 0.0, -0.1), (0, 0, 1), 0.5, 0.3)
+    approaching = ball._replace(velocity=-ball.velocity)
+    for name in ("compliant", "routh_path"):
+        monkeypatch.setattr(import_module(f"collision_response.physics.laws.{name}"), "iterate", refuse)
+    assert impact(ball, wall, contact, law).flags.separating
+    with pytest.raises(AssertionError):
+        impact(approaching, wall, contact, law)

@@ -151,7 +151,9 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
     )
     given = Springs(A11, A12, A22, b1, b2, s, slip_across, mu, kappa, e, tolerance)
     springs = values(given)
-    y = iterate(_start(springs), lambda y: y.is_running > 0, lambda y: step(springs, y), STEPS)
+    is_running = choose(frame.surely_separates(), lambda: o, lambda: 1 + o)
+    start = _start(springs)._replace(is_running=is_running)
+    y = iterate(start, lambda y: y.is_running > 0, lambda y: step(springs, y), STEPS)
 
     P1, P2, P_n = _impulse_at_end(springs, y, e, mu)
     w1, w2, w_n = springs.velocity(P1, P2, P_n)

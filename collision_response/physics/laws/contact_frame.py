@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ...numbers.operations import Scalar, certain, choose, fixed, square_root
+from ...numbers.operations import Condition, Scalar, certain, choose, error_of, fixed, square_root
 from ..effective_mass import ContactKinematics
 from ..vector import Vec3
 
@@ -84,6 +84,10 @@ class ContactFrame(NamedTuple):
             t1.dot(u), t2.dot(u), contact.n_u / length,
             t1.dot(K1), t2.dot(K1), t2.dot(K2), n.dot(K1), n.dot(K2), contact.n_Kn / nn,
         )  # fmt: skip
+
+    def surely_separates(self) -> Condition:
+        """Whether the bodies do not approach, beyond rounding: then no law needs to follow a path."""
+        return certain(self.un) >= certain(2 * error_of(self.un))
 
     def scaled_K(self) -> tuple[Scalar, ...]:
         """``K11``, ``K12``, ``K22``, ``K1n`` and ``K2n`` in units of ``Knn``."""

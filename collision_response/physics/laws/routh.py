@@ -107,6 +107,7 @@ def routh(contact: ContactKinematics, coefficients: Coefficients) -> Outcome:
     )
     frame = ContactFrame.of(contact)
     u_n, slip = frame.un, Tangential(frame.u1, frame.u2)
+    slip = choose(frame.surely_separates(), lambda: slip * 0, lambda: slip)
     speed = choose(certain(u_n) < 0, lambda: -u_n, lambda: 1 + 0 * u_n)
     j = speed / frame.Knn
     data = frame.scaled_K()
