@@ -209,12 +209,13 @@ class SceneAnswer {
 
   bool resolve_contacts(const std::int64_t* first, const std::int64_t* last) {
     const bool is_full_geometry = plan.geometry == GEOMETRY_AUTO || plan.geometry == GEOMETRY_SPATIAL;
-    // ROUTH_STRONGE may take a second, and Python says why it has no answer.
-    if (!is_full_geometry || !options.is_for_clusters() || options.law == LAW_ROUTH_STRONGE) return false;
+    if (!is_full_geometry || !options.is_for_clusters()) return false;
     const ClusterParts parts = take_parts(scene, scene.pairs(), first, last, place);
     if (parts.has_copies()) return false;
     Cluster cluster(parts, options.law == LAW_FRICTIONLESS);
     if (cluster.fault) return false;
+    // A path may take a second, and Python says why it has no answer.
+    if (options.law == LAW_ROUTH_STRONGE && !cluster.assembly.surely_separates()) return false;
     const ClusterResult result = resolve_cluster(cluster);
     if (result.code != STATUS_OK) return false;
     const ImpulseEffect& effect = result.effect;
@@ -232,10 +233,11 @@ class SceneAnswer {
       put_contact(*k, contact, &effect.impulses[3 * i], used.axes[0].velocity, effect.normal_velocities[i],
                   effect.regimes[i]);
     }
+    const bool in_doubles = cluster.has_friction || options.law == LAW_ROUTH_STRONGE;
     // The law is read only if this one fell back.
     put_cluster(effect.energies, effect.error_bound, adjustments_of(cluster, result),
                 cluster.has_friction ? LAW_COULOMB : LAW_FRICTIONLESS, GEOMETRY_SPATIAL,
-                cluster.has_friction ? PRECISION_DOUBLE : PRECISION_EXTENDED);
+                in_doubles ? PRECISION_DOUBLE : PRECISION_EXTENDED);
     margin = std::fmin(margin, result.margin);
     return true;
   }

@@ -195,9 +195,14 @@ def given_roundoff(x: Scalar) -> Scalar:
 
 def is_out_of_range(*numbers: Scalar) -> Condition:
     """Whether one of these non-negative numbers is infinite or NaN, or so small that it may lose digits."""
-    unit, total = given_roundoff(numbers[0]), sum(numbers[1:], start=numbers[0])
+    unit, total = given_roundoff(numbers[0]), add_up(numbers)
     least = unit * unit * unit * unit * unit
     return reduce(operator.or_, (x < least for x in numbers)) | negation(total - total == 0)
+
+
+def add_up(numbers: Iterable[Scalar]) -> Scalar:
+    """Return the sum, from left to right. Since Python 3.12, ``sum`` rounds sums of floats differently."""
+    return reduce(operator.add, numbers)
 
 
 def maximum(x: Scalar, y: Scalar) -> Scalar:

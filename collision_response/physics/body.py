@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 from ..numbers.operations import (
     Condition,
     Scalar,
+    add_up,
     all_zero,
     choose,
     fixed,
@@ -391,4 +392,4 @@ def _inverse_pivot(value: Scalar, size: Scalar, *couplings: Scalar) -> tuple[Con
 
 def _varying_with(x: Scalar, *others: Scalar) -> Scalar:
     """``x``, with derivatives that are non-zero if those of any of ``others`` are."""
-    return varying_as(x, lambda: sum((y * 2.0**i for i, y in enumerate(others)), start=x))
+    return varying_as(x, lambda: add_up([x, *(y * 2.0**i for i, y in enumerate(others))]))

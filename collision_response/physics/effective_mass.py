@@ -295,9 +295,9 @@ class ContactKinematics(NamedTuple):
         """
         if self.is_rigid():
             return 0, 0
-        terms, size = (self.body_a.size_of_terms(), self.body_b.size_of_terms()), impulse.norm()
+        terms, size = self.body_a.size_of_terms() + self.body_b.size_of_terms(), impulse.norm()
         locked_u = self._locked_directions(self._possibly_singular_K()) @ self.u
-        change = SYMMETRY_TOLERANCE * sum(terms) * size + 2 * locked_u.norm()
+        change = SYMMETRY_TOLERANCE * terms * size + 2 * locked_u.norm()
         return change * size, change * self.n.norm()
 
     def is_movable_along_normal(self) -> Condition:

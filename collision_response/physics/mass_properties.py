@@ -17,7 +17,7 @@ from functools import wraps
 from typing import Any, NamedTuple, ParamSpec
 
 from ..arguments import as_list, of_one_type
-from ..numbers.operations import Scalar, maximum, numbers_in
+from ..numbers.operations import Scalar, add_up, maximum, numbers_in
 from ..status import ImpactError, StatusCode, format_value
 from .tensor import UNIT, Symmetric3
 from .vector import ZERO, Vec3, as_vector
@@ -77,11 +77,11 @@ def of_particles(particles: Iterable[tuple[Scalar, Iterable[Scalar]]]) -> MassPr
         given |= _particle(f"particles[{i}]", one)
     numbers = of_one_type(given)
     checked = [Particle(m, Vec3(*position)) for m, *position in zip(*[iter(numbers)] * 4, strict=True)]
-    mass = sum(p.mass for p in checked)
+    mass = add_up(p.mass for p in checked) if checked else 0
     if not mass > 0:
         reason = f"masses must add up to more than 0, are {format_value(mass, str)}"
         raise ImpactError(StatusCode.INVALID_MASS, "particles", reason)
-    com = sum((p.position * (p.mass / mass) for p in checked), Vec3(0, 0, 0))
+    com = add_up([Vec3(0, 0, 0), *(p.position * (p.mass / mass) for p in checked)])
     inertia = UNIT * 0  # of whole numbers: floats would make fractions inexact
     for m, position in checked:
         x, y, z = position - com
@@ -142,7 +142,7 @@ def capsule(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
         reason = "or the length of the capsule must be above 0"
         raise ImpactError(StatusCode.INVALID_INERTIA, "radius", reason)
     volumes = 3 * (length / size), 4 * (radius / size)  # of the cylinder and of the ends
-    middle, ends = (mass * (volume / sum(volumes)) for volume in volumes)
+    middle, ends = (mass * (volume / add_up(volumes)) for volume in volumes)
     # A half ball has 83/320 m r^2 about its centre of mass, which is at 3/8 r.
     transverse = _moment(middle / 4 + ends / 320 * 83, radius) + _moment(middle / 12, length)
     transverse += _moment(ends, length / 2 + radius / 8 * 3)
@@ -234,7 +234,7 @@ def rod(mass: Scalar, length: Scalar) -> MassProperties:
 
 def _moment(mass: Scalar, *lengths: Scalar) -> Scalar:
     """``mass`` times the sum of squares; multiplied in this order, only the result can be out of range."""
-    return sum(mass * x * x for x in lengths)
+    return add_up(mass * x * x for x in lengths)
 
 
 def _checked(**given: Scalar) -> list[Scalar]:

@@ -51,9 +51,10 @@ struct Assembly {
     ++count;
   }
 
-  // After the last contact.
+  // After the last contact. If no contact approaches, there is no impulse, and nothing else to know.
   void finish() {
     for (AssembledContact& contact : contacts) contact.scale = 1 / std::sqrt(coupling<double>(contact, contact));
+    if (surely_separates()) return;
     A = scaled_couplings<double>();
     for (int i = 0; i < count; ++i) A[i * count + i] = 1;
     is_locked = !find_separating_velocity<double>() && !find_separating_velocity<DD>();
@@ -100,14 +101,17 @@ struct Assembly {
     });
   }
 
+  // Whether no contact approaches, whatever the error of its velocity.
+  bool surely_separates() const {
+    auto may_approach = [](const AssembledContact& contact) {
+      return !(high(contact.velocity) >= width(contact.velocity));
+    };
+    return std::none_of(contacts.begin(), contacts.end(), may_approach);
+  }
   // Whether no contact seems to approach, but one may, within the error of its velocity.
   bool approach_is_uncertain() const {
     auto approaches = [](const AssembledContact& contact) { return high(contact.velocity) < 0; };
-    auto may_approach = [](const AssembledContact& contact) {
-      return high(contact.velocity) < width(contact.velocity);
-    };
-    return std::none_of(contacts.begin(), contacts.end(), approaches) &&
-           std::any_of(contacts.begin(), contacts.end(), may_approach);
+    return std::none_of(contacts.begin(), contacts.end(), approaches) && !surely_separates();
   }
 
   // What happens along the unit normal and two tangents of a contact, in the digits of R. The velocities of the bodies,

@@ -210,6 +210,7 @@ bool minimise_norm(const Assembly& assembly, std::vector<DD>& p, const std::vect
 }
 
 void least_norm(const Assembly& assembly, Vector& p) {
+  if (std::all_of(p.begin(), p.end(), [](double x) { return x == 0; })) return;
   const NullImpulses found = null_impulses_with(assembly, NO_EFFECT);
   if (!found.basis.empty()) minimise_norm_in(assembly, p, true, found.basis);
 }

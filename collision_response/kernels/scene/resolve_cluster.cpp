@@ -24,6 +24,12 @@ ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& options, c
     result.code = STATUS_OUT_OF_RANGE;
     return result;
   }
+  if (assembly.surely_separates()) {
+    ClusterImpulses none;
+    none.normal.resize(assembly.count);
+    result.apply(assembly, none);
+    return result;
+  }
   if (!decided && (assembly.is_locked || assembly.approach_is_uncertain())) return result;
   for (AssembledContact& contact : assembly.contacts) {
     const double speed = -contact.axes[0].velocity;

@@ -86,6 +86,7 @@ from typing import NamedTuple
 
 from ...numbers.operations import (
     Scalar,
+    add_up,
     certain,
     choose,
     error_of,
@@ -137,7 +138,7 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
     data = frame.scaled_K()
     slip = Tangential(frame.u1 / speed, frame.u2 / speed)
     errors = InputErrors(
-        sum(map(error_of, data[2:]), error_of(data[0]) + 2 * error_of(data[1])),
+        add_up([error_of(data[0]) + 2 * error_of(data[1]), *map(error_of, data[2:])]),
         error_of(slip.x) + error_of(slip.y),
         error_of(e),
         error_of(mu),

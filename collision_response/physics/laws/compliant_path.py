@@ -12,12 +12,12 @@ A step that leads past an event is repeated with a shorter length until it ends 
 from __future__ import annotations
 
 from functools import reduce
-from operator import add
 from typing import NamedTuple
 
 from ...numbers.operations import (
     Condition,
     Scalar,
+    add_up,
     choose,
     fixed,
     for_derivatives,
@@ -341,7 +341,7 @@ def _try_step(motion: Motion, y: State) -> Trial:
     slopes: list[tuple[Scalar, ...]] = []
 
     def total(row: Row, i: int) -> Scalar:
-        return h * reduce(add, (weight * slopes[j][i] for j, weight in row))
+        return h * add_up(weight * slopes[j][i] for j, weight in row)
 
     for row in ((), *STAGES):
         slopes.append(motion.rates(*(v + total(row, i) for i, v in enumerate(start)) if row else start))

@@ -48,7 +48,7 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import NamedTuple
 
-from ...numbers.operations import Scalar
+from ...numbers.operations import Scalar, add_up
 from ...status import ImpactError, StatusCode
 from ..effective_mass import ContactKinematics
 from ..vector import Vec3
@@ -321,7 +321,7 @@ class PathFollower:
         slopes: list[tuple[float, ...]] = []
 
         def total(row: Row, i: int) -> float:
-            return h * sum([weight * slopes[j][i] for j, weight in row])
+            return h * add_up(weight * slopes[j][i] for j, weight in row)
 
         start, bends = (y.v1, y.v2, y.u), False
         for row in ((), *STAGES):

@@ -12,13 +12,12 @@ in which slip on a straight path is linear: ``s = s_0 (1 + g_0 eta)``, and ``x =
 
 from __future__ import annotations
 
-from functools import reduce
-from operator import add
 from typing import NamedTuple
 
 from ...numbers.operations import (
     Condition,
     Scalar,
+    add_up,
     certain,
     choose,
     fixed,
@@ -277,13 +276,13 @@ def step(path: Path, y: TurningSlip) -> TurningSlip:
     slopes: list[tuple[Scalar, ...]] = []
 
     def total(row: Row, i: int) -> Scalar:
-        return reduce(add, (weight * slopes[j][i] for j, weight in row))
+        return add_up(weight * slopes[j][i] for j, weight in row)
 
     # The slopes of t1, t2, s, u_n, x, W / c, -P1 / m, -P2 / m and heat / m, times h.
     start = (y.t1, y.t2, y.s, y.u_n)
     for row in ((), *STAGES):
         t1, t2, s, u_n = (v + total(row, i) for i, v in enumerate(start)) if row else start
-        pace = 1 / (1 + decay * sum(weight for _, weight in row)) if row else one  # dT / d eta
+        pace = 1 / (1 + decay * add_up(weight for _, weight in row)) if row else one  # dT / d eta
         h1, h2, hs = f1 - A11 * t1 - A12 * t2, f2 - A12 * t1 - A22 * t2, pace * s
         w, dx = pace * (t1 * h2 - t2 * h1), h * hs
         du = dx * (c - mb1 * t1 - mb2 * t2)
