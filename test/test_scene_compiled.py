@@ -5,10 +5,21 @@ from __future__ import annotations
 import sys
 from threading import Lock, Thread
 
+import numpy as np
 import pytest
 from scene_cases import Scene, any_scene, box, row_of_balls
 
-from collision_response import Body, Contact, Geometry, ImpactModel, Law, Precision, resolve_scene
+from collision_response import (
+    Body,
+    Contact,
+    Geometry,
+    ImpactModel,
+    Law,
+    Precision,
+    StatusCode,
+    Twist,
+    resolve_scene,
+)
 from collision_response.kernels import library
 from collision_response.scene.reflections import THRESHOLD
 
@@ -140,11 +151,68 @@ def test_every_adjustment_and_status_is_the_same(both, law):
             assert one == other
 
 
+def with_body(**fields) -> Scene:
+    scene = box((1, 0.5, -1), e=0.5, mu=0.3)
+    return scene._replace(bodies=[scene.bodies[0]._replace(**fields), scene.bodies[1]])
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        box()._replace(pairs=[[0, 1]] * 4),
+        box()._replace(pairs=np.array([(0, 1)] * 4)),
+        box()._replace(pairs=[np.array((0, 1), np.uint8)] * 4),
+        box()._replace(pairs=[(np.int32(0), 1)] * 4),
+        box().with_contacts(friction=np.float32(0.3), restitution=np.float16(0.5)),
+        box().with_contacts(friction=np.array(0.3)),
+        with_body(velocity=np.array((1.0, 0.0, -1.0)), angular_velocity=[0, 1, 2.0]),
+        with_body(position=np.array((0, 0, 0.5), np.float32), mass=np.float32(2)),
+        with_body(inertia=np.array((1.0, 0, 0, 1.0, 0, 1.0)), orientation=np.array((0.0, 0.0, 0.5, 2.0))),
+    ],
+)
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_numbers_of_numpy_are_read_as_floats(both, law, scene):
+    one, other = both(scene, ImpactModel(law))
+    assert one is not None
+    assert one == other
+
+
+@pytest.mark.parametrize("law", [*LAWS, Law.ROUTH_STRONGE], ids=lambda law: law.name)
+@pytest.mark.parametrize("velocity", [(0, 0, 0), (1, 0.5, 0), (1, 0.5, 1)])
+@pytest.mark.parametrize(("e", "mu"), [(0.0, 0.0), (0.5, 0.0), (0.5, 0.3)])
+def test_scenes_in_which_nothing_approaches_are_compiled_for_every_law(both, law, velocity, e, mu):
+    """Also those without a velocity that would separate all contacts, as of a ball between two walls."""
+    ball = Body.sphere(1.0, 0.5, velocity=velocity)
+    walls = [Body.kinematic(velocity=velocity)] * 2
+    between = [Contact.of((0.0, 0.0, z), (0.0, 0.0, -2 * z), e, mu) for z in (0.5, -0.5)]
+    for scene in (box(velocity, e=e, mu=mu), Scene([*walls, ball], [(2, 0), (2, 1)], between)):
+        one, other = both(scene, ImpactModel(law))
+        assert one is not None
+        assert one == other
+        assert one.status is StatusCode.SEPARATING
+        assert one.twists == tuple(Twist(body.velocity, body.angular_velocity) for body in scene.bodies)
+        assert one.error_bound == 0
+
+
+def test_ctrl_c_while_a_number_is_read_is_not_lost():
+    class Interrupted:
+        def __float__(self):
+            raise KeyboardInterrupt
+
+        __index__ = __float__
+
+    for scene in (
+        box().with_contacts(friction=Interrupted()),
+        box()._replace(pairs=[(0, Interrupted())] * 4),
+    ):
+        with pytest.raises(KeyboardInterrupt):
+            resolve_scene(*scene)
+
+
 @pytest.mark.parametrize(
     "unusual",
     [
         box().with_contacts(restitution=lambda _: 0.5),
-        box()._replace(pairs=[[0, 1]] * 4),
         row_of_balls((1, 0, 0)),
         Scene(*box()[:2], [c._replace(tangential_restitution=0.0) for c in box().contacts]),
         Scene(box().bodies, [(0, 1)] * 5, [*box().contacts, box().contacts[0]]),

@@ -126,13 +126,13 @@ PyObject* assemble(PyObject*, PyObject* const* args, Py_ssize_t count) {
   ClusterParts parts;
   parts.bodies.resize(PyList_GET_SIZE(args[0]));
   for (size_t i = 0; i < parts.bodies.size(); ++i)
-    if (!read_body(PyList_GET_ITEM(args[0], i), parts.bodies[i].data())) Py_RETURN_NONE;
+    if (!read_exact_body(PyList_GET_ITEM(args[0], i), parts.bodies[i].data())) return none_unless_error();
   for (Py_ssize_t k = 0; k < PyList_GET_SIZE(args[2]); ++k) {
     std::int64_t pair[2];
     ClusterParts::Contact contact{{}, {}, PyLong_AsDouble(PyList_GET_ITEM(args[3], k))};
-    if (!read_contact(PyList_GET_ITEM(args[2], k), contact.x) ||
+    if (!read_exact_contact(PyList_GET_ITEM(args[2], k), contact.x) ||
         !read_pair(PyList_GET_ITEM(args[1], k), parts.bodies.size(), pair))
-      Py_RETURN_NONE;
+      return none_unless_error();
     for (int side = 0; side < 2; ++side) contact.body[side] = static_cast<int>(pair[side]);
     parts.contacts.push_back(contact);
   }

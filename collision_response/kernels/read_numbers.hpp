@@ -59,6 +59,7 @@ static __attribute__((noinline, cold)) bool read_other(PyObject* o, const InputB
   PyObject* number = as_number->nb_float ? PyNumber_Float(o) : PyNumber_Index(o);
   if (number && !PyFloat_Check(number)) Py_SETREF(number, PyNumber_Float(number));
   if (!number) {
+    if (!PyErr_ExceptionMatches(PyExc_Exception)) return false;  // Ctrl-C
     if (!PyErr_ExceptionMatches(PyExc_OverflowError)) {
       PyErr_Clear();
       return refuse();

@@ -3,70 +3,15 @@
 
 #include "check.hpp"
 #include "module.hpp"
-#include "read_numbers.hpp"
+#include "read_request.hpp"
 #include "suitable_units.hpp"
 
 namespace {
 
-bool is_body(PyObject* o) { return PyTuple_Check(o) && PyTuple_GET_SIZE(o) == BODY_FIELDS; }
-bool is_articulated(PyObject* o) { return is_body(o) && PyTuple_GET_ITEM(o, BODY_FIELD_INVERSE_INERTIA) != Py_None; }
-
-// Read a body, from number i on. For an articulated one, its inverse inertia takes the place of mass, inertia,
-// orientation and centre of mass.
-bool read_body(PyObject* body, const InputBuffer& buffer, int i) {
-  if (!is_body(body)) {
-    std::string name(buffer.names[i]);
-    name.resize(name.find('.'));
-    bool is_message = !strcmp(Py_TYPE(body)->tp_name, "BodyState");
-    const char* hint = is_message ? "; collision_response.ros.convert.body_of(name, message) makes one"
-                                  : "; Body.dynamic(...) and Body.static() make one";
-    return set_type_error(name + ": must be a Body,", body, hint);
-  }
-  auto item = [body](int field) { return PyTuple_GET_ITEM(body, field); };
-  PyObject *orientation = item(BODY_FIELD_ORIENTATION), *inverse_inertia = item(BODY_FIELD_INVERSE_INERTIA);
-  bool rigid = inverse_inertia == Py_None;
-  if (!rigid) {
-    orientation = Py_None;
-    std::fill_n(buffer.value + i, BODY, 0.0);
-    buffer.value[i + BODY_MASS] = INFINITY;
-  }
-  if (orientation == Py_None) {
-    std::fill_n(buffer.value + i + BODY_ORIENTATION_X, 3, 0.0);
-    buffer.value[i + BODY_ORIENTATION_W] = 1;
-  }
-  return (rigid ? read_number(item(BODY_FIELD_MASS), buffer, i + BODY_MASS) &&
-                      read_numbers<6>(item(BODY_FIELD_INERTIA), buffer, i + BODY_INERTIA_XX)
-                : read_numbers<INVERSE_INERTIA>(inverse_inertia, buffer, INPUTS + i / BODY * INVERSE_INERTIA)) &&
-         read_numbers<3>(item(BODY_FIELD_POSITION), buffer, i + BODY_POSITION_X) &&
-         (orientation == Py_None || read_numbers<4>(orientation, buffer, i + BODY_ORIENTATION_X)) &&
-         read_numbers<3>(item(BODY_FIELD_VELOCITY), buffer, i + BODY_VELOCITY_X) &&
-         read_numbers<3>(item(BODY_FIELD_ANGULAR_VELOCITY), buffer, i + BODY_ANGULAR_VELOCITY_X) &&
-         (!rigid || read_numbers<3>(item(BODY_FIELD_COM), buffer, i + BODY_COM_X));
-}
-
-bool is_function(PyObject* o) { return !PyFloat_CheckExact(o) && PyCallable_Check(o); }
-
-// Read a contact. Sets not_only_numbers if it has coefficients that are functions, or a tangential restitution: these
-// are not read.
-bool read_contact(PyObject* contact, const InputBuffer& buffer, bool* not_only_numbers) {
-  if (!PyTuple_Check(contact) || PyTuple_GET_SIZE(contact) != CONTACT_FIELDS)
-    return set_type_error("contact: must be a Contact, made by Contact.of(...);", contact);
-  auto item = [contact](int field) { return PyTuple_GET_ITEM(contact, field); };
-  PyObject *e = item(CONTACT_FIELD_RESTITUTION), *mu = item(CONTACT_FIELD_FRICTION);
-  bool e_is_function = is_function(e), mu_is_function = is_function(mu);
-  if (e_is_function) buffer.value[IN_CONTACT + CONTACT_RESTITUTION] = 1;
-  if (mu_is_function) buffer.value[IN_CONTACT + CONTACT_FRICTION] = 0;
-  *not_only_numbers = e_is_function || mu_is_function || item(CONTACT_FIELD_TANGENTIAL_RESTITUTION) != Py_None;
-  return read_numbers<3>(item(CONTACT_FIELD_POSITION), buffer, IN_CONTACT + CONTACT_POSITION_X) &&
-         read_numbers<3>(item(CONTACT_FIELD_NORMAL), buffer, IN_CONTACT + CONTACT_NORMAL_X) &&
-         (e_is_function || read_number(e, buffer, IN_CONTACT + CONTACT_RESTITUTION)) &&
-         (mu_is_function || read_number(mu, buffer, IN_CONTACT + CONTACT_FRICTION));
-}
-
 // Read two bodies and a contact.
-bool read_request(PyObject* const* args, const InputBuffer& buffer, bool* not_only_numbers) {
+bool read_request(PyObject* const* args, const InputBuffer& buffer, bool* has_function) {
   return read_body(args[0], buffer, 0) && read_body(args[1], buffer, BODY) &&
-         read_contact(args[2], buffer, not_only_numbers);
+         read_contact(args[2], buffer, IN_CONTACT, has_function);
 }
 
 // Raise the ImpactError of a status.
@@ -145,9 +90,10 @@ int compute_one_impact(PyObject* const* request, const Plan& plan, OneImpact& im
     std::fill_n(input + INPUTS, ALL_INPUTS - INPUTS, 0.0);
     std::fill_n(error + INPUTS, ALL_INPUTS - INPUTS, 0.0);
   }
-  bool has_fraction = false, not_only_numbers;
-  if (!read_request(request, {input, error, input_names, &has_fraction}, &not_only_numbers)) return RAISED;
-  if (not_only_numbers) return HANDOVER_NOT_ONLY_NUMBERS;
+  bool has_fraction = false, has_function;
+  if (!read_request(request, {input, error, input_names, &has_fraction}, &has_function)) return RAISED;
+  if (has_function || PyTuple_GET_ITEM(request[2], CONTACT_FIELD_TANGENTIAL_RESTITUTION) != Py_None)
+    return HANDOVER_NOT_ONLY_NUMBERS;
   std::copy_n(plan.settings, MODEL, input + IN_MODEL);
   std::copy_n(plan.errors, MODEL, error + IN_MODEL);
   double fault;
@@ -198,8 +144,8 @@ PyObject* resolve(PyObject*, PyObject* const* args, Py_ssize_t count) {
 PyObject* numbers_with_errors(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 3) return PyErr_Format(PyExc_TypeError, "numbers_with_errors() takes two bodies and a contact");
   double value[ALL_INPUTS] = {}, error[ALL_INPUTS] = {};
-  bool not_only_numbers;
-  if (!read_request(args, {value, error, input_names}, &not_only_numbers)) return nullptr;
+  bool has_function;
+  if (!read_request(args, {value, error, input_names}, &has_function)) return nullptr;
   return Py_BuildValue("y#y#", value, static_cast<Py_ssize_t>(sizeof value), error,
                        static_cast<Py_ssize_t>(sizeof error));
 }

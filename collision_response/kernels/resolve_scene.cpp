@@ -82,9 +82,7 @@ struct SceneRequest {
     has_contact.resize(of_bodies);
     for (long i = 0; i < of_bodies; ++i) {
       PyObject* body = PyTuple_GET_ITEM(given_bodies, i);
-      if (Py_TYPE(body) != python.body || PyTuple_GET_ITEM(body, BODY_FIELD_INVERSE_INERTIA) != Py_None ||
-          !read_body(body, bodies[i].data()))
-        return false;
+      if (Py_TYPE(body) != python.body || !read_exact_body(body, bodies[i].data())) return false;
       movable[i] = bodies[i][BODY_MASS] < INFINITY;
     }
     for (long k = 0; k < n; ++k) {
@@ -92,7 +90,8 @@ struct SceneRequest {
       std::int64_t pair[2];
       if (Py_TYPE(contact) != python.contact ||
           PyTuple_GET_ITEM(contact, CONTACT_FIELD_TANGENTIAL_RESTITUTION) != Py_None ||
-          !read_contact(contact, contacts[k].data()) || !read_pair(PyTuple_GET_ITEM(given_pairs, k), of_bodies, pair))
+          !read_exact_contact(contact, contacts[k].data()) ||
+          !read_pair(PyTuple_GET_ITEM(given_pairs, k), of_bodies, pair))
         return false;
       a[k] = pair[0];
       b[k] = pair[1];
@@ -294,14 +293,15 @@ PyObject* resolve_scene(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (PyErr_Occurred()) return nullptr;
   Tuple lists[3];
   for (int i = 0; i < 3; ++i) {
-    if (!PyList_Check(args[i]) && !PyTuple_Check(args[i])) Py_RETURN_NONE;
+    const bool is_array_of_pairs = i == 1 && PySequence_Check(args[i]) && PyObject_CheckBuffer(args[i]);
+    if (!PyList_Check(args[i]) && !PyTuple_Check(args[i]) && !is_array_of_pairs) Py_RETURN_NONE;
     lists[i].reset(PySequence_Tuple(args[i]));
-    if (!lists[i]) return nullptr;
+    if (!lists[i] && !left_to_python()) return none_unless_error();
   }
   SceneRequest scene{lists[0].get(), lists[1].get(), lists[2].get()};
-  if (!scene.read()) Py_RETURN_NONE;
+  if (!scene.read()) return none_unless_error();
   options.law = scene.has_friction ? plan.law_with_friction : plan.law_without_friction;
   SceneAnswer answer(scene, args[3], plan, options);
   if (answer.resolve()) return answer.fields();
-  return PyErr_Occurred() ? nullptr : Py_NewRef(Py_None);
+  return none_unless_error();
 }

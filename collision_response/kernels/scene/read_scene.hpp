@@ -1,52 +1,51 @@
-// Read the bodies, contacts and pairs of a scene from Python. False if a number is not exactly a float, or an index is
-// wrong: these are left to Python.
+// Read the bodies, contacts and pairs of a scene from Python. False if a double does not hold a number exactly, or an
+// index is wrong: these are left to Python.
 #pragma once
-#include "python_objects.hpp"
-#include "constants.hpp"
-
-#include <cmath>
+#include <algorithm>
 #include <cstdint>
 
-inline bool read_floats(PyObject* o, int count, double* x) {
-  if (!PyTuple_Check(o) || PyTuple_GET_SIZE(o) != count) return false;
-  for (int k = 0; k < count; ++k)
-    if (!read_exact_float(PyTuple_GET_ITEM(o, k), x[k])) return false;
-  return true;
+#include "read_request.hpp"
+
+// False, with an error only if something went wrong that Python should not try again, such as Ctrl-C.
+inline bool left_to_python() {
+  if (PyErr_Occurred() && PyErr_ExceptionMatches(PyExc_TypeError)) PyErr_Clear();
+  return false;
 }
-inline bool read_body(PyObject* o, double* x) {
-  if (!PyTuple_Check(o) || PyTuple_GET_SIZE(o) != BODY_FIELDS) return false;
-  auto item = [o](int field) { return PyTuple_GET_ITEM(o, field); };
-  PyObject* orientation = item(BODY_FIELD_ORIENTATION);
-  x[BODY_ORIENTATION_X] = x[BODY_ORIENTATION_Y] = x[BODY_ORIENTATION_Z] = 0;
-  x[BODY_ORIENTATION_W] = 1;
-  return read_exact_float(item(BODY_FIELD_MASS), x[BODY_MASS]) &&
-         read_floats(item(BODY_FIELD_INERTIA), 6, x + BODY_INERTIA_XX) &&
-         read_floats(item(BODY_FIELD_POSITION), 3, x + BODY_POSITION_X) &&
-         (orientation == Py_None || read_floats(orientation, 4, x + BODY_ORIENTATION_X)) &&
-         read_floats(item(BODY_FIELD_VELOCITY), 3, x + BODY_VELOCITY_X) &&
-         read_floats(item(BODY_FIELD_ANGULAR_VELOCITY), 3, x + BODY_ANGULAR_VELOCITY_X) &&
-         read_floats(item(BODY_FIELD_COM), 3, x + BODY_COM_X);
+
+inline PyObject* none_unless_error() { return PyErr_Occurred() ? nullptr : Py_NewRef(Py_None); }
+
+// Call read(buffer) to read `count` numbers. `names`: see InputBuffer.
+template <class Read>
+bool read_exactly(double* x, int count, const char* const* names, Read read) {
+  double error[ALL_INPUTS];
+  std::fill_n(error, count, 0.0);
+  bool has_fraction = false;
+  if (!read(InputBuffer{x, error, names, &has_fraction})) return left_to_python();
+  return !has_fraction && std::all_of(error, error + count, [](double e) { return e == 0; }) &&
+         std::none_of(x, x + count, [](double number) { return number != number; });
 }
-inline bool read_contact(PyObject* o, double* x) {
-  if (!PyTuple_Check(o) || PyTuple_GET_SIZE(o) != CONTACT_FIELDS) return false;
-  auto item = [o](int field) { return PyTuple_GET_ITEM(o, field); };
-  return read_floats(item(CONTACT_FIELD_POSITION), 3, x + CONTACT_POSITION_X) &&
-         read_floats(item(CONTACT_FIELD_NORMAL), 3, x + CONTACT_NORMAL_X) &&
-         read_exact_float(item(CONTACT_FIELD_RESTITUTION), x[CONTACT_RESTITUTION]) &&
-         read_exact_float(item(CONTACT_FIELD_FRICTION), x[CONTACT_FRICTION]);
+inline bool read_exact_body(PyObject* o, double* x) {
+  return !is_articulated(o) &&
+         read_exactly(x, BODY, input_names, [o](const InputBuffer& buffer) { return read_body(o, buffer, 0); });
+}
+inline bool read_exact_contact(PyObject* o, double* x) {
+  bool has_function = false;
+  auto read = [&](const InputBuffer& buffer) { return read_contact(o, buffer, 0, &has_function); };
+  // It becomes part of the answer, which could not be compared if its vectors were arrays.
+  auto is_tuple = [o](int field) { return PyTuple_Check(PyTuple_GET_ITEM(o, field)); };
+  return read_exactly(x, CONTACT, input_names + IN_CONTACT, read) && !has_function &&
+         is_tuple(CONTACT_FIELD_POSITION) && is_tuple(CONTACT_FIELD_NORMAL);
 }
 
 // Read the indices of two different bodies.
 inline bool read_pair(PyObject* o, long bodies, std::int64_t* pair) {
-  if (!PyTuple_CheckExact(o) || PyTuple_GET_SIZE(o) != 2) return false;
-  for (int side = 0; side < 2; ++side) {
-    PyObject* index = PyTuple_GET_ITEM(o, side);
-    if (!PyLong_CheckExact(index)) return false;
-    pair[side] = PyLong_AsLong(index);
-    if (pair[side] < 0 || pair[side] >= bodies) {
-      PyErr_Clear();
-      return false;
-    }
+  PyObject* items = PyTuple_CheckExact(o) ? Py_NewRef(o) : PySequence_Tuple(o);
+  bool fits = items && PyTuple_GET_SIZE(items) == 2;
+  for (int side = 0; fits && side < 2; ++side) {
+    PyObject* index = PyTuple_GET_ITEM(items, side);
+    pair[side] = PyIndex_Check(index) && !PyBool_Check(index) ? PyNumber_AsSsize_t(index, nullptr) : -1;
+    fits = pair[side] >= 0 && pair[side] < bodies;
   }
-  return pair[0] != pair[1];
+  Py_XDECREF(items);
+  return (fits && pair[0] != pair[1]) || left_to_python();
 }
