@@ -250,7 +250,7 @@ class Impacts(Measurements):
 
 
 @lru_cache(maxsize=64)
-def _model_of(law: Law, **fields: float) -> ImpactModel:
+def _model_of(law: Law, **fields: Any) -> ImpactModel:
     """Return a model, the same object each time: batches keep the plans of recent models."""
     return ImpactModel(law, **fields)
 
