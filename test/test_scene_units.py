@@ -221,6 +221,22 @@ def test_intermediate_results_beyond_float64_are_refused(law, beyond, options):
     assert refused.value.code in codes  # a path may notice first
 
 
+@pytest.mark.parametrize(
+    ("law", "mu"), [(Law.FRICTIONLESS, 0.3), (Law.COULOMB, 0.0), (Law.COULOMB, 0.3), (Law.MOREAU, 0.0)]
+)
+def test_exact_impulses_beyond_float64_are_refused(law, mu):
+    """Only impulses of 1e350 N s separate bodies that contacts clamp from both sides but for 1e-150."""
+    ball = Body.dynamic(1e200)
+    contacts = [Contact.of((0, 0, 0), (x, 0, 1e-150), 0.0, mu) for x in (1e-9, -0.3)]
+    with refused(StatusCode.OUT_OF_RANGE):
+        resolve_scene(
+            [ball._replace(velocity=Vec3(0, 0, -1e-17)), ball._replace(velocity=Vec3(1.0, 0.0, 1.0))],
+            [(0, 1)] * 2,
+            contacts,
+            ImpactModel(law),
+        )
+
+
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
 @pytest.mark.parametrize("others", ["touch", "do not"])
 def test_energies_whose_sum_is_beyond_float64_are_refused(law, others):

@@ -75,6 +75,9 @@ def _resolve_from_exact_impulses(
     """Return the result in the kernels from the impulses without friction in fractions.
 
     MOREAU with friction does not start from these. Where it has an answer, that is the result.
+
+    Raises:
+        ImpactError: CONTRADICTORY_CONTACTS, as :func:`decide`; OUT_OF_RANGE, if an impulse is beyond float64.
     """
     exact, law, falls_back = _in_fractions(parts), options.law, has_friction and options.law is Law.MOREAU
     if falls_back and exact.can_rebound():
@@ -84,10 +87,14 @@ def _resolve_from_exact_impulses(
     if has_friction:
         law = Law.COULOMB
     impulses = _without_friction(exact, law, options.threshold)
+    try:
+        normal = list(map(float, exact.least_norm(impulses.normal)))
+    except OverflowError:
+        raise library.refusal(StatusCode.OUT_OF_RANGE) from None
     if impulses.is_cut_off and not cluster.is_locked:  # the kernels have more reflections, without a bound
         return resolve_in_kernels(cluster, parts, options, options.law, NOTHING_DECIDED)
     decided = Decided(
-        list(map(float, exact.least_norm(impulses.normal))),
+        normal,
         margin=float(impulses.margin),
         restitution=-1.0 if impulses.restitution is None else float(impulses.restitution),
         no_rebound=impulses.no_rebound,
