@@ -43,8 +43,8 @@ inline bool read_body(PyObject* body, const InputBuffer& buffer, int i) {
 
 inline bool is_function(PyObject* o) { return !PyFloat_CheckExact(o) && PyCallable_Check(o); }
 
-// Read a contact, from number i on, without its tangential restitution. Sets has_function if a coefficient is a function:
-// it is not read.
+// Read a contact, from number i on, without its tangential restitution. A coefficient that is a function is not read; then
+// has_function is set.
 inline bool read_contact(PyObject* contact, const InputBuffer& buffer, int i, bool* has_function) {
   if (!PyTuple_Check(contact) || PyTuple_GET_SIZE(contact) != CONTACT_FIELDS)
     return set_type_error("contact: must be a Contact, made by Contact.of(...);", contact);

@@ -296,7 +296,10 @@ PyObject* resolve_scene(PyObject*, PyObject* const* args, Py_ssize_t count) {
     const bool is_array_of_pairs = i == 1 && PySequence_Check(args[i]) && PyObject_CheckBuffer(args[i]);
     if (!PyList_Check(args[i]) && !PyTuple_Check(args[i]) && !is_array_of_pairs) Py_RETURN_NONE;
     lists[i].reset(PySequence_Tuple(args[i]));
-    if (!lists[i] && !left_to_python()) return none_unless_error();
+    if (!lists[i]) {
+      left_to_python();
+      return none_unless_error();
+    }
   }
   SceneRequest scene{lists[0].get(), lists[1].get(), lists[2].get()};
   if (!scene.read()) return none_unless_error();

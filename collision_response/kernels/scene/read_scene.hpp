@@ -6,7 +6,7 @@
 
 #include "read_request.hpp"
 
-// False, with an error only if something went wrong that Python should not try again, such as Ctrl-C.
+// Clear a TypeError, which Python finds again. Other errors, such as Ctrl-C, stay set. Return false.
 inline bool left_to_python() {
   if (PyErr_Occurred() && PyErr_ExceptionMatches(PyExc_TypeError)) PyErr_Clear();
   return false;
@@ -14,7 +14,7 @@ inline bool left_to_python() {
 
 inline PyObject* none_unless_error() { return PyErr_Occurred() ? nullptr : Py_NewRef(Py_None); }
 
-// Call read(buffer) to read `count` numbers. `names`: see InputBuffer.
+// Call read(buffer), which reads `count` numbers. Whether doubles hold all of them exactly. `names`: see InputBuffer.
 template <class Read>
 bool read_exactly(double* x, int count, const char* const* names, Read read) {
   double error[ALL_INPUTS];
