@@ -108,7 +108,7 @@ def scatter_velocities(bodies: Array, pairs: Any, result: BatchResult) -> None:
         result: what ``resolve_batch`` returned for these contacts.
 
     Raises:
-        ValueError: if an array has the wrong shape or type, or if ``bodies`` is lazy.
+        ValueError: if an array has the wrong shape or type, or if ``bodies`` is lazy or cannot be changed.
     """
     if not isinstance(bodies, np.ndarray):
         convert = None if is_lazy(bodies) else converter_like(bodies)
@@ -117,11 +117,12 @@ def scatter_velocities(bodies: Array, pairs: Any, result: BatchResult) -> None:
         table = as_numpy("bodies", bodies).copy()
         scatter_velocities(table, pairs, result)
         rows = rows_of(table.shape[0])
-        try:
-            for motion in (rows.velocity, rows.angular_velocity):
-                bodies[motion, :] = convert(table[motion])
-        except TypeError as error:
-            raise ValueError(f"bodies: must be an array that can be changed: {error}") from error
+        for motion in (rows.velocity, rows.angular_velocity):
+            changed = convert(table[motion])
+            try:
+                bodies[motion, :] = changed
+            except TypeError as error:
+                raise ValueError(f"bodies: must be an array that can be changed: {error}") from error
         return
     if bodies.ndim != 2 or bodies.dtype.kind != "f":
         raise ValueError(f"bodies: must be floats of shape (rows, B), are {bodies.dtype} of {bodies.shape}")

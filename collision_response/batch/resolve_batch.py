@@ -157,7 +157,7 @@ def resolve_with_pauses(
         _check_out(request, n, out)
         request = request.contiguous()
         worst = _run(request, request.plan.number_type, out, workers, *columns)
-    if worst is None:
+    if worst is None:  # ``out`` is not contiguous
         target = out.mapped(lambda array: np.empty_like(array, order="C"))
         worst = _run(request, request.plan.number_type, target, workers, *columns)
         assert worst is not None, "copies fit"

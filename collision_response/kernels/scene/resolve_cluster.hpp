@@ -50,7 +50,7 @@ inline int adjustments_of(const Cluster& cluster, const ClusterResult& result) {
          cluster.has_massless_spin * ADJUSTMENT_MASSLESS_SPIN;
 }
 
-// Apply a law, with its fallbacks:
+// Apply a law, with its fallbacks. If no contact approaches, there is no impulse by any law. Otherwise:
 //
 // * Contacts that press on each other without end, such as a ball between two walls, are locked: no velocity separates
 //   all of them. Fractions decide what happens. If the cluster is too large for them, it does not rebound, and its
