@@ -36,18 +36,16 @@ template <class Make> PyObject* listed(size_t count, Make make) {
 }
 
 // The fields of an ImpulseEffect of scene/cluster_result.py.
-PyObject* fields_of(const ImpulseEffect& effect, const Cluster& cluster) {
+PyObject* fields_of(const ImpulseEffect& effect, const Assembly& assembly) {
   const size_t bodies = effect.twists.size() / 6, contacts = effect.regimes.size();
   return Py_BuildValue(
-      "NNNNNN(dddd)dNNN", listed(bodies, [&](size_t b) { return make_twist(&effect.changes[6 * b]); }),
+      "NNNNNN(dddd)d", listed(bodies, [&](size_t b) { return make_twist(&effect.changes[6 * b]); }),
       listed(bodies, [&](size_t b) { return make_twist(&effect.twists[6 * b]); }),
       listed(contacts, [&](size_t i) { return make_vec3(&effect.impulses[3 * i]); }),
-      listed(contacts, [&](size_t i) { return PyFloat_FromDouble(cluster.assembly.contacts[i].axes[0].velocity); }),
+      listed(contacts, [&](size_t i) { return PyFloat_FromDouble(assembly.contacts[i].axes[0].velocity); }),
       listed(contacts, [&](size_t i) { return PyFloat_FromDouble(effect.normal_velocities[i]); }),
       listed(contacts, [&](size_t i) { return Py_NewRef(PyTuple_GET_ITEM(python.regimes, effect.regimes[i])); }),
-      effect.energies[0], effect.energies[1], effect.energies[2], effect.energies[3], effect.error_bound,
-      PyBool_FromLong(cluster.has_massless_spin), PyBool_FromLong(cluster.has_off_unit_orientation),
-      PyBool_FromLong(effect.is_unphysical));
+      effect.energies[0], effect.energies[1], effect.energies[2], effect.energies[3], effect.error_bound);
 }
 
 // resolve(law, threshold, tolerance, (stiffness, exponent, work), decided): the fields of a ClusterResult of
@@ -81,9 +79,8 @@ PyObject* resolve_by_law(PyObject* self, PyObject* args) {
     result = resolve_cluster(cluster, options, given == Py_None ? nullptr : &decided);
   }
   PyObject* e = result.restitution < 0 ? Py_NewRef(Py_None) : PyFloat_FromDouble(result.restitution);
-  return Py_BuildValue("iNdNNNsi", result.code, fields_of(result.effect, cluster), result.margin, e,
-                       PyBool_FromLong(result.no_rebound), PyBool_FromLong(result.fell_back), result.fault,
-                       result.faulty);
+  return Py_BuildValue("iNdNisi", result.code, fields_of(result.effect, cluster.assembly), result.margin, e,
+                       adjustments_of(cluster, result), result.fault, result.faulty);
 }
 
 // normal_velocities(): of each contact before the impact [m/s].

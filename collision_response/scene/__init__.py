@@ -5,12 +5,13 @@ From the request to its answer:
     resolve_scene.py      front door: check, divide into clusters, resolve each, combine their answers;
                           a cluster of one contact is resolved by resolve()
     request.py            the request, checked
-    find_clusters.py      which contacts form a cluster, and which of them are copies of another
+    find_clusters.py      which contacts form a cluster
+    copies.py             which of these are copies of another, and their shares of its impulse
     resolve_cluster.py    resolve a cluster of several contacts:
         assemble.py       - its bodies and contacts, as the numbers that the laws compute with
         in_kernels.py     - a law in double-double, or in doubles where there is friction
         in_fractions.py   - a law in fractions, for rational scenes and for what the kernels leave undecided
-    cluster_result.py     the result of a law;  cluster_answer.py: with the contacts and bodies as given
+    cluster_result.py     the result of a law, and the part of the answer for the scene that it is
     answer.py             the answer for the scene
     order_sensitivity.py  how much the answer depends on the order of impacts, if asked for
 

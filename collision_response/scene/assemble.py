@@ -15,7 +15,8 @@ from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Law
 from ..status import ImpactError, StatusCode
-from .find_clusters import DistinctContacts, Pair
+from .copies import DistinctContacts
+from .find_clusters import Pair
 from .rational_cluster import RationalCluster
 from .request import ContactIndices, SceneOptions, SceneRequest, as_floats, check_contact, with_scene_names
 

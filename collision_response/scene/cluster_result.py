@@ -1,12 +1,15 @@
-"""The result of a law for one cluster."""
+"""What a law finds for one cluster, and the part of the answer for the scene that this is."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
+from ..model import ImpactModel
 from ..numbers.operations import Scalar
 from ..physics.body import Twist
+from ..physics.contact import Contact
 from ..physics.laws import Regime
 from ..physics.vector import Vec3
 
@@ -21,23 +24,16 @@ class ImpulseEffect(NamedTuple):
         regimes: what friction did at each contact.
         energies: kinetic energy before and after, energy lost to restitution and to friction [J].
         error_bound: relative error of the changes, as in :class:`~collision_response.SceneImpact`.
-        has_massless_spin: whether a body turned about an axis without inertia.
-        has_off_unit_orientation: whether a quaternion was not of unit length.
-        is_unphysical: whether the contacts gain energy, pull, leave their friction cones, or still approach,
-            by more than the error. As the answer of a law, that would be a fault of this package.
     """
 
-    changes: list[Twist]
-    twists: list[Twist]
-    impulses: list[Vec3]
-    normal_velocities_before: list[Scalar]
-    normal_velocities_after: list[Scalar]
-    regimes: list[Regime]
+    changes: Sequence[Twist]
+    twists: Sequence[Twist]
+    impulses: Sequence[Vec3]
+    normal_velocities_before: Sequence[Scalar]
+    normal_velocities_after: Sequence[Scalar]
+    regimes: Sequence[Regime]
     energies: tuple[Scalar, Scalar, Scalar, Scalar]
     error_bound: float
-    has_massless_spin: bool
-    has_off_unit_orientation: bool
-    is_unphysical: bool
 
 
 class ClusterResult(NamedTuple):
@@ -48,8 +44,7 @@ class ClusterResult(NamedTuple):
         effect: what the impulses do, if the code is OK.
         margin: least distance of a decision from its threshold, relative to the fastest approach.
         restitution: the one restitution used for all contacts; ``None`` if each contact has its own.
-        no_rebound: whether bodies would rebound without end, so that restitution was taken as 0.
-        fell_back: whether the law had no sound answer, and another law answered.
+        adjustments: an :class:`~collision_response.Adjustment`.
         fault: for PATH_TOO_LONG, why.
         faulty: the contact that the fault is about; -1 for all.
     """
@@ -58,7 +53,24 @@ class ClusterResult(NamedTuple):
     effect: ImpulseEffect
     margin: Scalar = math.inf
     restitution: Scalar | None = None
-    no_rebound: bool = False
-    fell_back: bool = False
+    adjustments: int = 0
     fault: str = ""
     faulty: int = -1
+
+
+class ClusterAnswer(NamedTuple):
+    """The part of a :class:`~collision_response.SceneImpact` that one cluster determines.
+
+    Attributes:
+        bodies: indices in the scene of the movable bodies of the cluster.
+        contacts: with the coefficients that were used.
+        effect: what the impulses do to these bodies and contacts.
+        decision_margin, adjustments, model: for the whole cluster.
+    """
+
+    bodies: Sequence[int]
+    contacts: Sequence[Contact]
+    effect: ImpulseEffect
+    decision_margin: Scalar
+    adjustments: int
+    model: ImpactModel

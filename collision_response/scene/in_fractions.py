@@ -12,6 +12,7 @@ import math
 
 from ..in_python.request_numbers import body_as_fractions, contact_as_fractions
 from ..kernels import library
+from ..model import Adjustment
 from ..numbers.operations import Scalar
 from ..physics.column import Column
 from ..physics.contact import Contact
@@ -22,7 +23,7 @@ from .assemble import ClusterParts
 from .cluster_result import ClusterResult
 from .in_kernels import NOTHING_DECIDED, Decided, resolve_in_kernels
 from .rational_cluster import RationalCluster, RationalImpulses
-from .reflections import contradiction, reflections
+from .reflections import reflections
 from .request import SceneOptions
 
 RATIONAL_CONTACTS = 8
@@ -39,10 +40,13 @@ def resolve_in_fractions(cluster: RationalCluster, law: Law, threshold: Scalar) 
     effect = cluster.effect_of(impulses.normal)
     if impulses.is_cut_off:
         effect = effect._replace(error_bound=math.inf)
-    code = StatusCode.INTERNAL_ERROR if effect.is_unphysical else StatusCode.OK
-    return ClusterResult(
-        code, effect, impulses.margin, impulses.restitution, impulses.no_rebound, impulses.fell_back
+    code = StatusCode.INTERNAL_ERROR if cluster.is_unphysical(impulses.normal, effect) else StatusCode.OK
+    adjustments = (
+        cluster.adjustments()
+        | impulses.no_rebound * Adjustment.NO_REBOUND
+        | impulses.fell_back * Adjustment.LAW_FALLBACK
     )
+    return ClusterResult(code, effect, impulses.margin, impulses.restitution, adjustments)
 
 
 def decide(
@@ -82,7 +86,7 @@ def _resolve_from_exact_impulses(
     exact, law, falls_back = _in_fractions(parts), options.law, has_friction and options.law is Law.MOREAU
     if falls_back and exact.can_rebound():
         result = resolve_in_kernels(cluster, parts, options, law, NOTHING_DECIDED)
-        if not result.fell_back:
+        if not result.adjustments & Adjustment.LAW_FALLBACK:
             return result
     if has_friction:
         law = Law.COULOMB
@@ -101,7 +105,8 @@ def _resolve_from_exact_impulses(
         error=math.inf if impulses.is_cut_off else 0.0,
     )
     result = resolve_in_kernels(cluster, parts, options, law, decided)
-    return result._replace(fell_back=impulses.fell_back or falls_back)
+    fell_back = impulses.fell_back or falls_back
+    return result._replace(adjustments=result.adjustments | fell_back * Adjustment.LAW_FALLBACK)
 
 
 def _without_friction(cluster: RationalCluster, law: Law, threshold: Scalar) -> RationalImpulses:
@@ -123,8 +128,7 @@ def _check_for_contradiction(cluster: library.Cluster, parts: ClusterParts) -> N
     suspects = range(len(parts.contacts)) if is_small else cluster.contradictory_contacts()
     if 0 < len(suspects) <= RATIONAL_CONTACTS:
         exact = _in_fractions(parts.select(suspects))
-        if exact.project(exact.no_impulses()) is None:
-            raise contradiction()
+        exact.project(exact.no_impulses())
 
 
 def _has_approach(parts: ClusterParts) -> bool:

@@ -17,6 +17,7 @@ from fractions import Fraction
 from typing import NamedTuple
 
 from ..impact import with_change
+from ..model import Adjustment
 from ..numbers.operations import Scalar, square_root
 from ..physics.body import Body, Twist
 from ..physics.column import Column
@@ -24,6 +25,7 @@ from ..physics.contact import Contact
 from ..physics.energy import kinetic_energy
 from ..physics.laws import Regime
 from ..physics.vector import Vec3
+from ..status import ImpactError, StatusCode
 from ..validity import is_not_normalised
 from .cluster_result import ImpulseEffect
 from .rational_algebra import ZERO, Numbers, dot, minimise, null_space, solve_each
@@ -32,6 +34,12 @@ ZERO_VECTOR = Vec3(ZERO, ZERO, ZERO)
 
 ROUNDING = Fraction(1, 2**40)
 """A law may create this fraction of the work at the contacts: the same as in floats, where it is rounding."""
+
+
+def contradiction() -> ImpactError:
+    """Return the error for contacts that contradict each other."""
+    reason = "contradict each other: no velocities keep all of them from approaching"
+    return ImpactError(StatusCode.CONTRADICTORY_CONTACTS, "contacts", reason)
 
 
 class RationalImpulses(NamedTuple):
@@ -110,12 +118,20 @@ class RationalCluster:
         """Whether some contact approaches after impulses ``p``."""
         return any(u < 0 for u in self._velocities(p))
 
-    def project(self, p: Numbers, among: list[int] | None = None) -> Numbers | None:
-        """Return the impulses, on top of ``p``, that just keep contacts from approaching, or ``None``.
+    def project(self, p: Numbers, among: list[int] | None = None) -> Numbers:
+        """Return the impulses, on top of ``p``, that just keep contacts from approaching.
 
         Only the contacts ``among`` are looked at, or all if it is left out.
+
+        Raises:
+            ImpactError: CONTRADICTORY_CONTACTS, if no velocities keep them from approaching.
         """
-        return self._keep_from_approaching(self._velocities(p), range(self.count) if among is None else among)
+        found = self._keep_from_approaching(
+            self._velocities(p), range(self.count) if among is None else among
+        )
+        if found is None:
+            raise contradiction()
+        return found
 
     def moreau(self) -> Numbers | None:
         """Return the impulses of MOREAU without friction; ``None`` if there are none."""
@@ -146,10 +162,8 @@ class RationalCluster:
         moved = list(map(with_change, self._bodies, changes))
         after = self._velocities(p)
         lost = -dot(p, [b + a for b, a in zip(self._u, after, strict=True)]) / 2
-        massless_spins = [body.angular_velocity - body.effective_spin()[1] for body in self._bodies]
         lengths = [contact.normal.norm() for contact in self._contacts]
-        least = self.least_norm(p)
-        impulses = [c.normal * x for c, x in zip(self._contacts, least, strict=True)]
+        impulses = [c.normal * x for c, x in zip(self._contacts, self.least_norm(p), strict=True)]
         return ImpulseEffect(
             changes=changes,
             twists=[Twist(body.velocity, body.angular_velocity) for body in moved],
@@ -159,10 +173,25 @@ class RationalCluster:
             regimes=[Regime.SLIDING if any(impulse) else Regime.SEPARATING for impulse in impulses],
             energies=(sum(map(kinetic_energy, self._bodies)), sum(map(kinetic_energy, moved)), lost, ZERO),
             error_bound=0.0,
-            has_massless_spin=any(spin.dot(spin) > 0 for spin in massless_spins),
-            has_off_unit_orientation=any(map(is_not_normalised, self._bodies)),
-            is_unphysical=self.creates_energy(p) or min(least) < 0 or min(after) < 0,
         )
+
+    def is_unphysical(self, p: Numbers, effect: ImpulseEffect) -> bool:
+        """Whether impulses ``p``, with their effect, create energy, pull, or leave an approach.
+
+        As the answer of a law, that would be a fault of this package.
+        """
+        along = (c.normal.dot(impulse) for c, impulse in zip(self._contacts, effect.impulses, strict=True))
+        return self.creates_energy(p) or min(along) < 0 or self.has_approach(p)
+
+    def adjustments(self) -> Adjustment:
+        """Return what is left out of the bodies, or changed in them."""
+        spins = [body.angular_velocity - body.effective_spin()[1] for body in self._bodies]
+        found = Adjustment(0)
+        if any(spin.dot(spin) > 0 for spin in spins):
+            found |= Adjustment.MASSLESS_SPIN
+        if any(map(is_not_normalised, self._bodies)):
+            found |= Adjustment.NORMALISED_ORIENTATION
+        return found
 
     def creates_energy(self, p: Numbers) -> bool:
         """Whether the contacts gain more energy by normal impulses than rounding would explain in floats."""

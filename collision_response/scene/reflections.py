@@ -33,7 +33,6 @@ from fractions import Fraction
 
 from ..kernels.protocol import REFLECTIONS
 from ..numbers.operations import Scalar
-from ..status import ImpactError, StatusCode
 from .rational_cluster import RationalCluster, RationalImpulses
 
 THRESHOLD = 2.0**-30
@@ -57,25 +56,10 @@ def reflections(cluster: RationalCluster, threshold: Scalar) -> RationalImpulses
     Raises:
         ImpactError: CONTRADICTORY_CONTACTS, if no velocities keep all contacts from approaching.
     """
-    impulses = _reflections(cluster, Fraction(threshold))
-    if impulses is None:
-        raise contradiction()
-    return impulses
-
-
-def contradiction() -> ImpactError:
-    """Return the error for contacts that contradict each other."""
-    reason = "contradict each other: no velocities keep all of them from approaching"
-    return ImpactError(StatusCode.CONTRADICTORY_CONTACTS, "contacts", reason)
-
-
-def _reflections(cluster: RationalCluster, threshold: Fraction) -> RationalImpulses | None:
     p = cluster.no_impulses()
     if not cluster.fastest_square > 0:
         return RationalImpulses(p)
     q = cluster.project(p)
-    if q is None:
-        return None
     e = cluster.cluster_restitution(q)
     inelastic = [x + y for x, y in zip(p, q, strict=True)]
     if e == 0:
@@ -84,13 +68,11 @@ def _reflections(cluster: RationalCluster, threshold: Fraction) -> RationalImpul
     margin: Scalar = math.inf
     digits = 0
     for _ in range(REFLECTIONS):
-        violated, distance = cluster.violated(p, threshold)
+        violated, distance = cluster.violated(p, Fraction(threshold))
         margin = min(margin, distance)
         if not violated:
             break
         q = cluster.project(p, violated)
-        if q is None:
-            return None
         p = [x + 2 * y for x, y in zip(p, q, strict=True)]
         longest = max(max(x.numerator.bit_length(), x.denominator.bit_length()) for x in p)
         digits += len(p) ** 2 * max(longest, LEAST_DIGITS)
@@ -101,7 +83,5 @@ def _reflections(cluster: RationalCluster, threshold: Fraction) -> RationalImpul
     p = [e * x + (1 - e) * y for x, y in zip(p, inelastic, strict=True)]
     if cluster.has_approach(p):  # slower than the threshold
         q = cluster.project(p)
-        if q is None:
-            return None
         p = [x + y for x, y in zip(p, q, strict=True)]
     return RationalImpulses(p, margin=margin, restitution=e)

@@ -13,13 +13,11 @@ from ..physics.contact import Contact
 from ..physics.laws import CLUSTER_LAWS, Law
 from ..status import ImpactError, StatusCode
 from .assemble import ClusterParts, assemble
-from .cluster_answer import ClusterAnswer
-from .cluster_result import ClusterResult
-from .find_clusters import DistinctContacts
+from .cluster_result import ClusterAnswer, ClusterResult
+from .copies import DistinctContacts
 from .in_fractions import decide, resolve_in_fractions
 from .in_kernels import resolve_in_kernels
-from .rational_cluster import RationalCluster
-from .reflections import contradiction
+from .rational_cluster import RationalCluster, contradiction
 from .request import SceneOptions, SceneRequest
 
 
@@ -47,29 +45,18 @@ def resolve_cluster(scene: SceneRequest, distinct: DistinctContacts, options: Sc
         if result.code == StatusCode.UNSET:
             result = decide(cluster, parts, options, has_friction=has_friction)
     _check_result(result, parts, scene.contacts, below_restitution_threshold)
-    if result.fell_back:
+    if result.adjustments & Adjustment.LAW_FALLBACK:
         law = Law.COULOMB if has_friction else Law.FRICTIONLESS
-    e, contacts, effect = result.restitution, parts.contacts, result.effect
+    e, contacts = result.restitution, parts.contacts
     if e is not None:
         contacts = [c if c.restitution == e else c._replace(restitution=e) for c in contacts]
     in_doubles = has_friction or law is Law.ROUTH_STRONGE
     return ClusterAnswer(
         bodies=[body for body in parts.body_indices if scene.movable[body]],
-        changes=effect.changes,
-        twists=effect.twists,
         contacts=contacts,
-        impulses=effect.impulses,
-        normal_velocities_before=effect.normal_velocities_before,
-        normal_velocities_after=effect.normal_velocities_after,
-        regimes=effect.regimes,
-        energies=effect.energies,
-        error_bound=effect.error_bound,
+        effect=result.effect,
         decision_margin=result.margin,
-        adjustments=effect.has_off_unit_orientation * Adjustment.NORMALISED_ORIENTATION
-        | below_restitution_threshold * Adjustment.RESTITUTION_THRESHOLD
-        | result.fell_back * Adjustment.LAW_FALLBACK
-        | result.no_rebound * Adjustment.NO_REBOUND
-        | effect.has_massless_spin * Adjustment.MASSLESS_SPIN,
+        adjustments=result.adjustments | below_restitution_threshold * Adjustment.RESTITUTION_THRESHOLD,
         model=ImpactModel(
             law,
             Geometry.SPATIAL if model.geometry is Geometry.AUTO else model.geometry,

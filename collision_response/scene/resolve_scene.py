@@ -21,8 +21,9 @@ from ..physics.vector import Vec3
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
 from .answer import SceneImpact
-from .cluster_answer import ClusterAnswer, split_among_copies
-from .find_clusters import Pair, distinct_contacts, find_clusters
+from .cluster_result import ClusterAnswer, ImpulseEffect
+from .copies import distinct_contacts, split_among_copies
+from .find_clusters import Pair, find_clusters
 from .order_sensitivity import order_sensitivity
 from .reflections import THRESHOLD
 from .request import (
@@ -147,11 +148,9 @@ def _resolve_single_contact(scene: SceneRequest, i: int, model: ImpactModel) -> 
     impact = with_scene_names(ContactIndices(i, a, b), resolve, bodies[a], body_b, scene.contacts[i], model)
     sides = ((a, impact.change_a, impact.twist_a), (b, impact.change_b, impact.twist_b))
     moved = [side for side in sides if scene.movable[side[0]]]
-    return ClusterAnswer(
-        bodies=[body for body, _, _ in moved],
+    effect = ImpulseEffect(
         changes=[change for _, change, _ in moved],
         twists=[twist for _, _, twist in moved],
-        contacts=(impact.contact,),
         impulses=(impact.impulse,),
         normal_velocities_before=(impact.normal_velocity_before,),
         normal_velocities_after=(impact.normal_velocity_after,),
@@ -163,9 +162,9 @@ def _resolve_single_contact(scene: SceneRequest, i: int, model: ImpactModel) -> 
             impact.energy_lost_friction,
         ),
         error_bound=impact.error_bound,
-        decision_margin=math.inf,
-        adjustments=impact.adjustments,
-        model=impact.model,
+    )
+    return ClusterAnswer(
+        [body for body, _, _ in moved], (impact.contact,), effect, math.inf, impact.adjustments, impact.model
     )
 
 
@@ -206,19 +205,20 @@ def _combine(
     energies: Sequence[Scalar] = [Fraction(0) if options.exact else 0.0] * 4
     bound, margin, adjustments = 0.0, math.inf, 0
     for cluster, answer in zip(clusters, answers, strict=True):
-        for place, change, twist in zip(answer.bodies, answer.changes, answer.twists, strict=True):
+        effect = answer.effect
+        for place, change, twist in zip(answer.bodies, effect.changes, effect.twists, strict=True):
             changes[place], twists[place] = change, twist
         columns = (
             answer.contacts,
-            answer.impulses,
-            answer.normal_velocities_before,
-            answer.normal_velocities_after,
-            answer.regimes,
+            effect.impulses,
+            effect.normal_velocities_before,
+            effect.normal_velocities_after,
+            effect.regimes,
         )
         for i, *row in zip(cluster, *columns, strict=True):
             rows[i] = row
-        energies = list(map(operator.add, energies, answer.energies))
-        bound, margin = max(bound, answer.error_bound), min(margin, answer.decision_margin)
+        energies = list(map(operator.add, energies, effect.energies))
+        bound, margin = max(bound, effect.error_bound), min(margin, answer.decision_margin)
         adjustments |= answer.adjustments
     for i, given in enumerate(scene.bodies):
         if twists[i] is None:  # it has no contact, or is immovable
