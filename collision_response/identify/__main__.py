@@ -13,7 +13,7 @@ from ..status import ImpactError
 from . import from_table
 from .compare import Comparison, compare
 from .identification import LAWS, Identification, identify
-from .least_squares import RANGES
+from .least_squares import SEARCH_RANGES
 from .measurements import Measurements
 from .plot import draw
 
@@ -34,7 +34,7 @@ def make_parser() -> argparse.ArgumentParser:
     add("file", type=Path, help="CSV, its columns explained below; or a recording, .rrd")
     add("--law", choices=LAWS_BY_NAME, default="coulomb", help="default: coulomb")
     add("--compare", action="store_true", help="fit all laws, and say which the impacts distinguish")
-    add("--fit", metavar="NAME", help=", ".join(RANGES), **several)
+    add("--fit", metavar="NAME", help=", ".join(SEARCH_RANGES), **several)
     add("--given", help="coefficients that are known: they are not fitted", type=_number, **pairs)
     columns = "columns that the file lacks: a number, or another column: nz=1 vx_after=vx2"
     add("--set", help=columns, type=_pair, **pairs)

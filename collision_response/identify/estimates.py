@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..batch.arrays import Array
-from .least_squares import NEGLIGIBLE_SQUARES, RANGES, LeastSquares
+from .least_squares import NEGLIGIBLE_SQUARES, SEARCH_RANGES, LeastSquares
 
 LARGE_COEFFICIENT = 1e3
 """Times the greater of 1 and its value, it stands for the missing upper limit of a coefficient."""
@@ -70,7 +70,7 @@ def estimates(problem: LeastSquares, best: Any, values: Array) -> tuple[dict[str
     """
     x, names = best.x, problem.names
     covariance = _variance(problem, best) * np.linalg.pinv(best.jac.T @ best.jac)
-    least, most = np.array([RANGES[name][:2] for name in names]).T
+    least, most = np.array([SEARCH_RANGES[name][:2] for name in names]).T
     # Without an effect any value fits; of a coefficient without an upper limit, any that is large enough.
     lowest = np.where(np.isnan(values), np.where(np.isinf(most), most, least), values)
     highest = np.where(np.isnan(values), most, values)
@@ -96,7 +96,7 @@ def undetermined(problem: LeastSquares, best: Any) -> tuple[dict[str, Estimate],
     unknown = _confounded(best.jac, problem.names)
     negligible = float(problem.reduced(NEGLIGIBLE_SQUARES))
     allowed = problem.squares(best.x) + 2 * HALF_CHI_SQUARE * _variance(problem, best) + negligible
-    found = {name: Estimate(math.nan, *RANGES[name][:2], math.inf) for name in unknown}
+    found = {name: Estimate(math.nan, *SEARCH_RANGES[name][:2], math.inf) for name in unknown}
     places: list[Array] = []
     for name in problem.names:
         if name not in unknown and (alone := _undetermined_alone(problem, best, name, allowed)):
@@ -158,7 +158,7 @@ def _undetermined_alone(
     the impacts determine the coefficient. A value is ruled out if the sum of squares is above ``allowed``
     with the other coefficients fitted.
     """
-    (least, most, _), x, i = RANGES[name], best.x, problem.names.index(name)
+    (least, most, _), x, i = SEARCH_RANGES[name], best.x, problem.names.index(name)
     at_most = problem.fitted_at(x, name, min(most, LARGE_COEFFICIENT * max(1.0, float(x[i]))))
     if problem.squares(at_most) > allowed:
         return None

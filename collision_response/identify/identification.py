@@ -10,11 +10,11 @@ import numpy as np
 
 from ..arguments import as_list, check_count, check_mapping, check_number
 from ..batch.arrays import Array, compared_by_identity
-from ..materials import RANGES as LIMITS
+from ..materials import RANGES
 from ..model import Law
 from ..status import ImpactError, StatusCode, format_value
 from .estimates import Estimate, estimates, undetermined
-from .least_squares import LOSSES, NEGLIGIBLE_SQUARES, PRECISION, RANGES, LeastSquares, residual_unit
+from .least_squares import LOSSES, NEGLIGIBLE_SQUARES, PRECISION, SEARCH_RANGES, LeastSquares, residual_unit
 from .measurements import Impacts, Measurements, informative
 
 LAWS = tuple(law for law in Law if law is not Law.AUTO)
@@ -164,8 +164,8 @@ def _check(
         ("law", law, LAWS),
         ("kind", kind, measured.kinds),
         ("loss", loss, tuple(LOSSES)),
-        *(("fit", name, tuple(RANGES)) for name in fit),
-        *(("given", name, tuple(RANGES)) for name in given),
+        *(("fit", name, tuple(SEARCH_RANGES)) for name in fit),
+        *(("given", name, tuple(SEARCH_RANGES)) for name in given),
     ):
         if value not in known:
             names = ", ".join(str(getattr(one, "name", one)) for one in known)
@@ -179,7 +179,7 @@ def _check(
         if wrong:
             raise ImpactError(StatusCode.INVALID_MODEL, field, wrong)
     for name, value in given.items():
-        check_number(f"given.{name}", value, *LIMITS[name], StatusCode.INVALID_COEFFICIENT)
+        check_number(f"given.{name}", value, *RANGES[name], StatusCode.INVALID_COEFFICIENT)
 
 
 def _informative_impacts(measured: Measurements, kind: str, count: int) -> Measurements:
@@ -230,7 +230,7 @@ def _notes(
         if math.isnan(value):
             continue
         formal = max(formal, PRECISION)  # without noise it is near 0, but the search ends at PRECISION
-        if value in RANGES[name][:2]:
+        if value in SEARCH_RANGES[name][:2]:
             why = "the measurements lie there, or beyond it because of their errors or the law"
             yield f"{name} is at its limit: {why}"
         if high - low > 2 * 2 * 1.96 * formal:

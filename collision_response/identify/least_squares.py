@@ -24,7 +24,7 @@ class Range(NamedTuple):
     starts: tuple[float, ...]
 
 
-RANGES = {
+SEARCH_RANGES = {
     "restitution": Range(0.0, 1.0, (0.1, 0.3, 0.5, 0.7, 0.9, 1.0)),  # at 1 MOREAU falls back most often
     "friction": Range(0.0, math.inf, (0.001, 0.03, 0.05, 0.08, 0.13, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5, 2.5)),
     "tangential_restitution": Range(-1.0, 1.0, (-0.5, 0.0, 0.5)),
@@ -132,12 +132,13 @@ class LeastSquares(NamedTuple):
         jumps. No search leaves such a region.
         """
         squares = {
-            place: self.squares(place) for place in product(*(RANGES[name].starts for name in self.names))
+            place: self.squares(place)
+            for place in product(*(SEARCH_RANGES[name].starts for name in self.names))
         }
         chosen = sorted(squares, key=squares.__getitem__)
         if "friction" in self.names:
             i = self.names.index("friction")
-            lowest, values = {place[i]: place for place in reversed(chosen)}, RANGES["friction"].starts
+            lowest, values = {place[i]: place for place in reversed(chosen)}, SEARCH_RANGES["friction"].starts
             heights = [math.inf, *(squares[lowest[value]] for value in values), math.inf]
             is_valley = {v: heights[k] > heights[k + 1] <= heights[k + 2] for k, v in enumerate(values)}
             is_flat = {v: math.isclose(heights[k], heights[k + 1]) for k, v in enumerate(values)}
@@ -185,7 +186,7 @@ class LeastSquares(NamedTuple):
             from scipy.optimize import least_squares
         except ModuleNotFoundError:
             raise missing("SciPy", "scipy") from None
-        least, most = np.array([RANGES[name][:2] for name in self.names]).T
+        least, most = np.array([SEARCH_RANGES[name][:2] for name in self.names]).T
         loss = {"loss": self.loss, "f_scale": MAGNIFICATION * self.scale} if self.scale else {}
         origin = least - 1
         one = least_squares(

@@ -1,7 +1,7 @@
 """Operations on numbers of any type, beyond Python's arithmetic and comparisons.
 
 A formula is written once, with these operations, and runs on every number type: Python floats; fractions,
-with which a rational law is exact; mpmath numbers; balls, which enclose a real number
+with which a rational law is exact; balls, which enclose a real number
 (:mod:`~collision_response.numbers.balls`); arrays of one shape, with one contact per element; and symbols,
 which record the formula for the compiler (:mod:`~collision_response.kernels.tracer.symbol`). The operations
 are a branch (:func:`choose`), a square root, a loop (:func:`iterate`), and some that concern the error or the

@@ -12,17 +12,14 @@ float64.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from functools import wraps
-from typing import Any, NamedTuple, ParamSpec
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 from ..arguments import as_list, of_one_type
 from ..numbers.operations import Scalar, add_up, maximum, numbers_in
 from ..status import ImpactError, StatusCode, format_value
 from .tensor import UNIT, Symmetric3
 from .vector import ZERO, Vec3, as_vector
-
-P = ParamSpec("P")
 
 
 class MassProperties(NamedTuple):
@@ -46,21 +43,6 @@ class Particle(NamedTuple):
     position: Vec3
 
 
-def _within_float64(solid: Callable[P, MassProperties]) -> Callable[P, MassProperties]:
-    """Raise an ImpactError where a result is beyond float64."""
-
-    @wraps(solid)
-    def checked(*args: P.args, **kwargs: P.kwargs) -> MassProperties:
-        found = solid(*args, **kwargs)
-        for name, part in found._asdict().items():
-            if not all(x - x == 0 for x in numbers_in(part)):
-                raise ImpactError(StatusCode.NOT_FINITE, name, "is beyond float64")
-        return found
-
-    return checked
-
-
-@_within_float64
 def of_particles(particles: Iterable[tuple[Scalar, Iterable[Scalar]]]) -> MassProperties:
     """Mass properties of a set of particles: exact if their masses and positions are fractions.
 
@@ -88,7 +70,7 @@ def of_particles(particles: Iterable[tuple[Scalar, Iterable[Scalar]]]) -> MassPr
         inertia += Symmetric3(
             _moment(m, y, z), -m * x * y, -m * x * z, _moment(m, x, z), -m * y * z, _moment(m, x, y)
         )
-    return MassProperties(mass, com, inertia)
+    return _within_float64(mass, com, inertia)
 
 
 def _particle(name: str, given: Any) -> dict[str, Any]:
@@ -101,7 +83,6 @@ def _particle(name: str, given: Any) -> dict[str, Any]:
     return {f"{name}.mass": mass} | {f"{name}.position.{axis}": x for axis, x in parts}
 
 
-@_within_float64
 def sphere(mass: Scalar, radius: Scalar) -> MassProperties:
     """A solid sphere."""
     mass, radius = _checked(mass=mass, radius=radius)
@@ -109,7 +90,6 @@ def sphere(mass: Scalar, radius: Scalar) -> MassProperties:
     return _principal(mass, moment, moment, moment)
 
 
-@_within_float64
 def hollow_sphere(mass: Scalar, radius: Scalar) -> MassProperties:
     """A thin spherical shell."""
     mass, radius = _checked(mass=mass, radius=radius)
@@ -117,7 +97,6 @@ def hollow_sphere(mass: Scalar, radius: Scalar) -> MassProperties:
     return _principal(mass, moment, moment, moment)
 
 
-@_within_float64
 def box(mass: Scalar, size: Iterable[Scalar]) -> MassProperties:
     """A solid box with edges ``size = (x, y, z)`` [m] along the axes."""
     sizes = {f"size.{axis}": edge for axis, edge in as_vector("size", size)._asdict().items()}
@@ -125,7 +104,6 @@ def box(mass: Scalar, size: Iterable[Scalar]) -> MassProperties:
     return _principal(mass, _moment(mass, y, z) / 12, _moment(mass, x, z) / 12, _moment(mass, x, y) / 12)
 
 
-@_within_float64
 def cylinder(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
     """A solid cylinder about the z axis."""
     mass, radius, length = _checked(mass=mass, radius=radius, length=length)
@@ -133,7 +111,6 @@ def cylinder(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
     return _principal(mass, transverse, transverse, _moment(mass / 2, radius))
 
 
-@_within_float64
 def capsule(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
     """A solid cylinder about the z axis with a half ball at each end; ``length`` is without them [m]."""
     mass, radius, length = _checked(mass=mass, radius=radius, length=length)
@@ -149,7 +126,6 @@ def capsule(mass: Scalar, radius: Scalar, length: Scalar) -> MassProperties:
     return _principal(mass, transverse, transverse, _moment(middle / 2 + ends / 5 * 2, radius))
 
 
-@_within_float64
 def cone(mass: Scalar, radius: Scalar, height: Scalar) -> MassProperties:
     """A solid cone about the z axis; its base lies height/4 below the centre of mass, its tip above."""
     mass, radius, height = _checked(mass=mass, radius=radius, height=height)
@@ -157,7 +133,6 @@ def cone(mass: Scalar, radius: Scalar, height: Scalar) -> MassProperties:
     return _principal(mass, transverse, transverse, _moment(mass / 10 * 3, radius))
 
 
-@_within_float64
 def mesh(mass: Scalar, shape: Any) -> MassProperties:
     """A homogeneous solid bounded by a mesh; axes and origin are those of the mesh.
 
@@ -212,7 +187,7 @@ def mesh(mass: Scalar, shape: Any) -> MassProperties:
         yy + zz, -second_moment(0, 1), -second_moment(0, 2), xx + zz, -second_moment(1, 2), xx + yy
     )
     centre = Vec3(*(float(x) + size * offset for x, offset in zip(middle, com, strict=True)))
-    return MassProperties(mass, centre, inertia * mass * size * size)
+    return _within_float64(mass, centre, inertia * mass * size * size)
 
 
 LEAST_THICKNESS = 2.0**-44
@@ -224,7 +199,6 @@ def _no_volume() -> ImpactError:
     return ImpactError(StatusCode.INVALID_INERTIA, "shape", reason)
 
 
-@_within_float64
 def rod(mass: Scalar, length: Scalar) -> MassProperties:
     """A thin rod along the x axis, without inertia about that axis."""
     mass, length = _checked(mass=mass, length=length)
@@ -248,4 +222,13 @@ def _checked(**given: Scalar) -> list[Scalar]:
 
 
 def _principal(mass: Scalar, xx: Scalar, yy: Scalar, zz: Scalar) -> MassProperties:
-    return MassProperties(mass, ZERO, Symmetric3(xx, 0 * xx, 0 * xx, yy, 0 * xx, zz))
+    return _within_float64(mass, ZERO, Symmetric3(xx, 0 * xx, 0 * xx, yy, 0 * xx, zz))
+
+
+def _within_float64(mass: Scalar, com: Vec3, inertia: Symmetric3) -> MassProperties:
+    """Return the mass properties. Raises: as the head of this file says."""
+    found = MassProperties(mass, com, inertia)
+    for name, part in found._asdict().items():
+        if not all(x - x == 0 for x in numbers_in(part)):
+            raise ImpactError(StatusCode.NOT_FINITE, name, "is beyond float64")
+    return found

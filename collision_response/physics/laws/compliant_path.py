@@ -28,7 +28,7 @@ from ...numbers.operations import (
     square_root,
     varying_as,
 )
-from .dormand_prince import ERROR_5, ORDER_3, STAGES, WEIGHTS, Row, step_error
+from .dormand_prince import ERROR_5, ORDER_3, STAGES, TOO_LONG, WEIGHTS, Row, step_error, step_factor
 
 EVENT = 2.0**-48
 """How far past the event a step may end, in units of the terms that make up the number of the event."""
@@ -352,9 +352,8 @@ def _try_step(motion: Motion, y: State) -> Trial:
     e5, e3 = (_error_norm(e, motion) / scale for e in (fifth, third))
     error = step_error(e5, e3)
     # NaN is too long, too.
-    ratio = choose(e5 * e5 < 1e6, lambda: error / motion.springs.tolerance, lambda: 1e30 * one)
-    factor = 0.9 / square_root(square_root(square_root(ratio + 1e-6)))
-    return Trial(h, end, error, scale, ratio, h * maximum(minimum(factor, 4 * one), 0.2 * one))
+    ratio = choose(e5 * e5 < 1e6, lambda: error / motion.springs.tolerance, lambda: TOO_LONG * one)
+    return Trial(h, end, error, scale, ratio, h * step_factor(ratio, one))
 
 
 def _accepted(motion: Motion, y: State, trial: Trial, events: list[Event]) -> State:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from typing import TypeAlias
 
-from ...numbers.operations import Scalar, choose, square_root
+from ...numbers.operations import Scalar, choose, maximum, minimum, square_root
 
 Row: TypeAlias = tuple[tuple[int, float], ...]
 
@@ -70,3 +70,22 @@ def step_error(e5: Scalar, e3: Scalar) -> Scalar:
     """
     square = e5 * e5
     return choose(square > 0, lambda: square / square_root(square + 0.01 * e3 * e3), lambda: 0 * e5)
+
+
+SAFETY = 0.9
+LEAST_FACTOR, GREATEST_FACTOR = 0.2, 4
+"""How much shorter or longer than the last one a step may be."""
+
+TOO_LONG = 1e30
+"""Error of a step that is far too long, relative to the error allowed."""
+
+
+def step_factor(ratio: Scalar, one: Scalar) -> Scalar:
+    """Length of the next step relative to the last one.
+
+    Args:
+        ratio: error of the last step relative to the error allowed.
+        one: 1, as a number of the type that the path is computed with.
+    """
+    factor = SAFETY / square_root(square_root(square_root(ratio + 1e-6)))
+    return maximum(minimum(factor, GREATEST_FACTOR * one), LEAST_FACTOR * one)

@@ -53,7 +53,7 @@ from ...status import ImpactError, StatusCode
 from ..effective_mass import ContactKinematics
 from ..vector import Vec3
 from .contact_frame import ContactFrame, Tangential
-from .dormand_prince import ERROR_5, ORDER_3, STAGES, WEIGHTS, Row, step_error
+from .dormand_prince import ERROR_5, ORDER_3, STAGES, TOO_LONG, WEIGHTS, Row, step_error, step_factor
 from .law import Coefficients, Law, Outcome, Regime
 from .routh import DEFAULT_TOLERANCE, GREATEST_FRICTION, LEAST_RESTITUTION, LEAST_TOLERANCE, PATH_SHARE
 from .routh_path import LONGEST, Path
@@ -233,11 +233,10 @@ class PathFollower:
             if not turns and not ratio < math.inf:
                 turns = True
                 to, ratio = self._step(y, at, h, turns=True)
-            factor = 0.9 * max(ratio, 1e-6) ** -0.125
             if not ratio <= 1:
-                length = h * max(0.2, factor)
+                length = h * step_factor(ratio, 1.0)
                 continue
-            length = max(length, h * min(4.0, factor))
+            length = max(length, h * step_factor(ratio, 1.0))
             jams = jams or at.r * h < -self._path.tolerance
             y = to if self._remaining(to) > 0 else self._end_of_phase(y, at, h, to, turns=turns)
         return None
@@ -342,7 +341,8 @@ class PathFollower:
         third = [rises[i] - total(ORDER_3, i) for i in range(3)]
         pace = max(1.0, abs(to.u))  # u exceeds 1 if friction jams
         e5, e3 = (math.hypot(e[0], e[1]) / size + abs(e[2]) / pace for e in (fifth, third))
-        return to, math.inf if bends else step_error(e5, e3) / (STEP_SHARE * self._path.tolerance)
+        error = step_error(e5, e3) / (STEP_SHARE * self._path.tolerance)
+        return to, error if error < TOO_LONG and not bends else math.inf
 
     def _end_of_phase(self, y: Point, at: Slope, h: float, to: Point, *, turns: bool) -> Point:
         """The point at which the phase ends, within a step of length ``h`` that leads across to ``to``.

@@ -28,7 +28,7 @@ from ...numbers.operations import (
     square_root,
     values,
 )
-from .dormand_prince import ERROR_5, ORDER_3, STAGES, WEIGHTS, Row, step_error
+from .dormand_prince import ERROR_5, ORDER_3, STAGES, TOO_LONG, WEIGHTS, Row, step_error, step_factor
 
 STEP_SHARE = 1 / 2
 """The part of the tolerance of the path that each step may use."""
@@ -301,9 +301,8 @@ def step(path: Path, y: TurningSlip) -> TurningSlip:
     )
     err = CAUTION * step_error(e5, e3)
     allowed = STEP_SHARE * path.tolerance * maximum(one, m * path.least_eigenvalue() / safe_s)
-    ratio = choose((s > 0) & (err < 1e3), lambda: err / minimum(allowed, 1e-3 * one), lambda: 1e30 * one)
-    factor = 0.9 / square_root(square_root(square_root(ratio + 1e-6)))
-    next_h = abs(h) * maximum(minimum(factor, 4 * one), 0.2 * one)
+    ratio = choose((s > 0) & (err < 1e3), lambda: err / minimum(allowed, 1e-3 * one), lambda: TOO_LONG * one)
+    next_h = abs(h) * step_factor(ratio, one)
     unit = 0.5 * (3 - t1 * t1 - t2 * t2)  # 1 / |t|, as |t| is nearly 1
     relative_error = err + STEP_ROUNDING
 
