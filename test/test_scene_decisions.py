@@ -93,14 +93,60 @@ def test_a_ball_that_rattles_takes_no_more_digits_than_the_budget(kind, walls, m
     answer = resolve_scene(bodies, [(1, 0), (0, 2), (0, 2), (0, 2)][: 2 + walls], contacts[: 2 + walls])
     if answer.adjustments:
         assert answer.adjustments is Adjustment.NO_REBOUND and mass > 1e4
-        # Kernels reach the 10,000 reflections after which the law says so; fractions give up long before.
-        assert math.isinf(answer.error_bound) if spent else answer.error_bound < 1e-3
+        # Kernels reach the 10,000 reflections after which the law says so. Fractions give up long before,
+        # unless the changes are so small that more of them do not matter.
+        assert math.isinf(answer.error_bound) if spent and mass < 1e9 else answer.error_bound < 1e-3
         assert answer.kinetic_energy_after == pytest.approx(0.5 / (1 + mass), rel=1e-6)  # they move as one
     else:
         assert answer.kinetic_energy_after == pytest.approx(0.5, rel=1e-6)
         assert answer.error_bound < 1e-3
     assert sum(spent[:-1]) <= reflections.DIGITS  # what goes beyond is not looked at again
     assert spent or not (walls or kind is F)
+
+
+def projected(v: tuple[F, ...], *normals: tuple[F, ...]) -> tuple[F, ...]:
+    """The velocity nearest to v that approaches neither of two walls at rest."""
+
+    def dot(a, b):
+        return sum(x * y for x, y in zip(a, b, strict=True))
+
+    def less(a, b, factor):
+        return tuple(x - factor * y for x, y in zip(a, b, strict=True))
+
+    n, m = normals
+    along_both = less(m, n, dot(m, n) / dot(n, n))  # the part of m across n
+    first = less(v, n, dot(v, n) / dot(n, n))
+    candidates = [v, first, less(v, m, dot(v, m) / dot(m, m))]
+    if any(along_both):
+        candidates.append(less(first, along_both, dot(first, along_both) / dot(along_both, along_both)))
+    allowed = [w for w in candidates if min(dot(w, n), dot(w, m)) >= 0]
+    return min(allowed, key=lambda w: dot(less(w, v, 1), less(w, v, 1)))
+
+
+@pytest.mark.parametrize("e", [0.5, 1.0])
+@pytest.mark.parametrize("velocity", [(1.0, 0.3, 0.2), (1.0, -0.3, 0.0), (-0.7, 0.0, 0.2), (-0.7, 0.4, 0.0)])
+@pytest.mark.parametrize(
+    "off", [0.0, *(sign * 10.0**-k for k in (8, 11, 12, 13, 14, 15, 16, 18) for sign in (1, -1))]
+)
+def test_between_walls_that_are_parallel_but_for_rounding_nothing_rebounds(e, velocity, off, monkeypatch):
+    """As between the fingers of a gripper, whose normals are rounded. They close by 1e-16 or open by 1e-16.
+
+    Reflections would go on for ever, and hardly change anything: hardly any digits are needed to know that.
+    """
+    monkeypatch.setattr(reflections, "DIGITS", 2**14)
+    normals = ((1.0, 0.0, 0.0), (-1.0, off, 0.0))
+    bodies = [Body.dynamic(2.0, velocity=velocity), Body.static(), Body.static()]
+    contacts = [Contact.of((0, 0, 0), n, e) for n in normals]
+    answer = resolve_scene(bodies, [(0, 1), (0, 2)], contacts, ImpactModel(Law.FRICTIONLESS))
+    assert answer.status is StatusCode.OK
+    assert answer.adjustments is (Adjustment.NO_REBOUND if off else Adjustment.NONE)
+    exact = projected(tuple(map(F, velocity)), *(tuple(map(F, n)) for n in normals))
+    change = math.dist(exact, velocity)
+    assert math.dist(answer.twists[0].linear, exact) <= answer.error_bound * change + 1e-16 <= 1e-6
+    # The impulses do what the answer says, up to their own rounding: those of walls that close are 1e15 N s.
+    P = [math.fsum(impulse[k] for impulse in answer.impulses) / 2.0 for k in range(3)]
+    size = sum(impulse.norm() for impulse in answer.impulses)
+    assert math.dist(P, answer.changes[0].linear) <= 1e-6 + 2.0**-50 * size
 
 
 @pytest.mark.parametrize("corners", [1, 2, 3, 4])

@@ -86,7 +86,7 @@ class Cluster:
         threshold: float,
         tolerance: float,
         springs: tuple[list[float] | None, float, int],
-        decided: tuple[list[float], float, float, float, bool] | None,
+        decided: tuple[list[float], list[float], float, float, float, bool] | None,
         /,
     ) -> tuple[int, tuple[Any, ...], float, float | None, int, str, int]: ...
     def normal_velocities(self) -> list[float]: ...

@@ -61,17 +61,18 @@ PyObject* resolve_by_law(PyObject* self, PyObject* args) {
   Cluster& cluster = cluster_of(self);
   ClusterImpulses decided;
   if (given != Py_None) {
-    PyObject* normal;
-    Vector p;
+    PyObject *normal, *rest;
+    Vector high, low;
     int no_rebound;
-    if (!PyArg_ParseTuple(given, "Odddp", &normal, &decided.error, &decided.margin, &decided.restitution,
+    if (!PyArg_ParseTuple(given, "OOdddp", &normal, &rest, &decided.error, &decided.margin, &decided.restitution,
                           &no_rebound) ||
-        !read_list(normal, p))
+        !read_list(normal, high) || !read_list(rest, low))
       return nullptr;
-    for (double x : p) decided.normal.push_back({x, 0});
+    for (size_t i = 0; i < high.size(); ++i) decided.normal.push_back({high[i], low[i]});
     decided.no_rebound = no_rebound;
+    decided.have_least_norm = true;
     // The impulses were rounded.
-    if (!p.empty()) decided.error += cluster.assembly.velocity_size(decided.normal.data()) * 0x1p-53;
+    if (!high.empty()) decided.error += cluster.assembly.velocity_size(decided.normal.data()) * 0x1p-105;
   }
   ClusterResult result;
   {

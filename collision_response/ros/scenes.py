@@ -19,6 +19,7 @@ from ..physics.laws import Law
 from ..recording import SceneRecord
 from ..scene import SceneImpact, resolve_scene
 from ..scene.answer import NUMBERS
+from ..scene.resolve_scene import resolve_without_python
 from ..srv import ResolveScene
 from ..status import ImpactError, StatusCode
 from . import convert
@@ -33,8 +34,8 @@ CONTACT_ROWS = ("x", "y", "z", "nx", "ny", "nz", "e", "mu")
 """Rows of ``ResolveScene.contacts``."""
 
 MAX_AT_ONCE = 4
-"""Most contacts of a scene that is computed at once: another thread would take longer to begin and to end. By
-ROUTH_STRONGE, any scene may take long."""
+"""Most contacts of a scene that is computed at once if the kernels can: another thread would take longer to
+begin and to end. What the kernels leave to Python may take a second."""
 
 MAX_BODIES = 8192
 """Most bodies in a scene, which are converted without a budget of their own: as many as the contacts can have
@@ -101,9 +102,9 @@ class SceneService:
         return impact.status, response
 
     def _compute(self, problem: SceneProblem) -> Steps[SceneImpact]:
-        _, _, contacts, model = problem
-        if len(contacts) <= MAX_AT_ONCE and model.law is not Law.ROUTH_STRONGE:
-            return resolve_scene(*problem)
+        at_once = resolve_without_python(*problem) if len(problem[2]) <= MAX_AT_ONCE else None
+        if at_once is not None:
+            return at_once
         future = self._executor.submit(resolve_scene, *problem)
         if not wait([future], TIME_SLICE).done:
             yield future

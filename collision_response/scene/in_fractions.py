@@ -1,17 +1,20 @@
 """A law for one cluster in fractions: for rational scenes, and for what the kernels leave undecided.
 
-A cluster is left undecided in three cases, which ``kernels/scene/resolve_cluster.hpp`` describes: contacts
-lock, it is uncertain whether a contact approaches, or whether one reaches the threshold of reflections. In
-clusters of at most ``RATIONAL_CONTACTS`` contacts, fractions then find the impulses without friction; the
-kernels compute friction, and what the impulses do.
+A cluster is left undecided in four cases, which ``kernels/scene/resolve_cluster.hpp`` describes: contacts
+lock; it is uncertain whether a contact approaches, or whether one reaches the threshold of reflections; or
+the error bound is too large to be useful without friction, too. In clusters of at most ``RATIONAL_CONTACTS``
+contacts, fractions then find the impulses without friction; the kernels compute friction, and what the
+impulses do.
 """
 
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 
 from ..in_python.request_numbers import body_as_fractions, contact_as_fractions
 from ..kernels import library
+from ..kernels.protocol import RATIONAL_CONTACTS
 from ..model import Adjustment
 from ..numbers.operations import Scalar
 from ..physics.column import Column
@@ -25,9 +28,6 @@ from .in_kernels import NOTHING_DECIDED, Decided, resolve_in_kernels
 from .rational_cluster import RationalCluster, RationalImpulses
 from .reflections import reflections
 from .request import SceneOptions
-
-RATIONAL_CONTACTS = 8
-"""Clusters of at most this many contacts are decided in fractions."""
 
 
 def resolve_in_fractions(cluster: RationalCluster, law: Law, threshold: Scalar) -> ClusterResult:
@@ -66,7 +66,8 @@ def decide(
         if not (approaches and has_exact_impulses and not has_friction):
             # No contact approaches, so no impulse is right. Or fractions cannot tell: then its error has no
             # bound.
-            nothing = Decided([0.0] * len(parts.contacts), error=math.inf if approaches else 0.0)
+            zeros = [0.0] * len(parts.contacts)
+            nothing = Decided(zeros, zeros, error=math.inf if approaches else 0.0)
             return resolve_in_kernels(cluster, parts, options, Law.FRICTIONLESS, nothing)
     if not has_exact_impulses:
         return resolve_in_kernels(cluster, parts, options, law, NOTHING_DECIDED)
@@ -91,14 +92,16 @@ def _resolve_from_exact_impulses(
     if has_friction:
         law = Law.COULOMB
     impulses = _without_friction(exact, law, options.threshold)
+    least = exact.least_norm(impulses.normal)
     try:
-        normal = list(map(float, exact.least_norm(impulses.normal)))
+        normal = list(map(float, least))
     except OverflowError:
         raise library.refusal(StatusCode.OUT_OF_RANGE) from None
     if impulses.is_cut_off and not cluster.is_locked:  # the kernels have more reflections, without a bound
         return resolve_in_kernels(cluster, parts, options, options.law, NOTHING_DECIDED)
     decided = Decided(
         normal,
+        rest=[float(x - Fraction(rounded)) for x, rounded in zip(least, normal, strict=True)],
         margin=float(impulses.margin),
         restitution=-1.0 if impulses.restitution is None else float(impulses.restitution),
         no_rebound=impulses.no_rebound,

@@ -17,20 +17,22 @@ class Decided(NamedTuple):
 
     Attributes:
         normal: the impulses without friction, along the normals; empty if they are not known.
+        rest: what ``normal`` lacks, being rounded.
         error: bound on the error of the velocities they produce, in the metric of kinetic energy, without
-            that of rounding the impulses.
+            that of rounding the sum of both.
         margin, no_rebound: as in :class:`ClusterResult`.
         restitution: as there; -1 if each contact has its own.
     """
 
     normal: list[float]
+    rest: list[float]
     error: float = 0.0
     margin: float = math.inf
     restitution: float = -1.0
     no_rebound: bool = False
 
 
-NOTHING_DECIDED = Decided([])
+NOTHING_DECIDED = Decided([], [])
 """Fractions cannot help: the kernels answer as well as they can."""
 
 

@@ -118,6 +118,15 @@ class RationalCluster:
         """Whether some contact approaches after impulses ``p``."""
         return any(u < 0 for u in self._velocities(p))
 
+    def moves_less(self, p: Numbers, distance: Scalar) -> bool:
+        """Whether impulses change every normal velocity by less than ``distance``, which is relative to the
+        fastest approach before the impact.
+
+        By Cauchy & Schwarz: ``(N M^-1 N^T p)_i^2 <= (N M^-1 N^T)_ii (p.A p)``.
+        """
+        reach = max(self.A[i][i] / c.normal.dot(c.normal) for i, c in enumerate(self._contacts))
+        return reach * dot(p, [dot(row, p) for row in self.A]) < distance**2 * self.fastest_square
+
     def project(self, p: Numbers, among: list[int] | None = None) -> Numbers:
         """Return the impulses, on top of ``p``, that just keep contacts from approaching.
 

@@ -12,7 +12,8 @@ as the scene, and depends on no order.
 GRR, for e < 1:      p = e p_GR + (1 - e) p_P          p_P: the impulses of one projection at all contacts
 
 Between contacts that are nearly parallel, as in a gripper, reflections do not end in time. Then the answer
-is p_P, as for e = 0.
+is p_P, as for e = 0. Fractions need not try all of them: if two reflections hardly change v, the same two
+follow again and again.
 
 After every step v is an exactly known linear function of the impulses. Neither P nor R increases the distance
 between two velocities, so errors add up but do not grow. Only the set V can jump: whether a velocity is below
@@ -29,10 +30,13 @@ Graph. 36 (2017), for the proof that the reflections end.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from fractions import Fraction
+from typing import NamedTuple
 
 from ..kernels.protocol import REFLECTIONS
 from ..numbers.operations import Scalar
+from .rational_algebra import Numbers
 from .rational_cluster import RationalCluster, RationalImpulses
 
 THRESHOLD = 2.0**-30
@@ -67,11 +71,15 @@ def reflections(cluster: RationalCluster, threshold: Scalar) -> RationalImpulses
     endless = RationalImpulses(inelastic, restitution=Fraction(0), no_rebound=True)
     margin: Scalar = math.inf
     digits = 0
+    turns: list[Turn] = []
     for _ in range(REFLECTIONS):
         violated, distance = cluster.violated(p, Fraction(threshold))
         margin = min(margin, distance)
         if not violated:
             break
+        turns = [*turns[-2:], Turn(p, violated, distance)]
+        if _repeats(cluster, turns):
+            return endless
         q = cluster.project(p, violated)
         p = [x + 2 * y for x, y in zip(p, q, strict=True)]
         longest = max(max(x.numerator.bit_length(), x.denominator.bit_length()) for x in p)
@@ -85,3 +93,25 @@ def reflections(cluster: RationalCluster, threshold: Scalar) -> RationalImpulses
         q = cluster.project(p)
         p = [x + y for x, y in zip(p, q, strict=True)]
     return RationalImpulses(p, margin=margin, restitution=e)
+
+
+class Turn(NamedTuple):
+    """The impulses before a reflection, the contacts that it is at, and how certain these are: the least
+    distance of an approach from the threshold.
+    """
+
+    p: Numbers
+    violated: list[int]
+    distance: Scalar
+
+
+def _repeats(cluster: RationalCluster, turns: Sequence[Turn]) -> bool:
+    """Whether reflections at the same two sets of contacts certainly go on to the last one in the budget.
+
+    If two reflections change the velocities by d, another n of them change them by n d / 2 at most, because
+    reflections increase no distance. Here d is taken twice.
+    """
+    if len(turns) < 3 or turns[0].violated != turns[2].violated:
+        return False
+    change = [REFLECTIONS * (x - y) for x, y in zip(turns[2].p, turns[0].p, strict=True)]
+    return cluster.moves_less(change, min(turns[0].distance, turns[1].distance))

@@ -98,9 +98,9 @@ def resolve_scene(
         and type(orders) is int
     )
     if has_usual_types and 0 <= threshold < 1 and exponent == HERTZ and orders == 0:
-        fields = library.resolve_scene(bodies, pairs, contacts, model, threshold)
-        if fields is not None:
-            return SceneImpact._make(fields)
+        answer = resolve_without_python(bodies, pairs, contacts, model, threshold)
+        if answer is not None:
+            return answer
     check_model(model)
     scene = check_request(bodies, pairs, contacts)
     law = law_for(model.law, has_friction=scene.has_friction)
@@ -118,6 +118,18 @@ def resolve_scene(
         sensitivity = order_sensitivity(scene.bodies, scene.pairs, answer.contacts, model, orders)
         answer = answer._replace(order_sensitivity=sensitivity)
     return answer
+
+
+def resolve_without_python(
+    bodies: Sequence[Body],
+    pairs: Sequence[Pair],
+    contacts: Sequence[Contact],
+    model: ImpactModel,
+    threshold: float = THRESHOLD,
+) -> SceneImpact | None:
+    """Return the answer of :func:`resolve_scene` if the kernels have it, and so within milliseconds."""
+    fields = library.resolve_scene(bodies, pairs, contacts, model, threshold)
+    return None if fields is None else SceneImpact._make(fields)
 
 
 def _resolve_one(scene: SceneRequest, cluster: list[int], options: SceneOptions) -> ClusterAnswer:

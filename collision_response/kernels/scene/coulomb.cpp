@@ -52,7 +52,6 @@ double error_for_bound(const Assembly& assembly, const Vector& y, double bound) 
 }
 
 constexpr double LEAST_EFFECT_OF_LOADS = 1e-3;  // where bodies jam, loads hardly move them
-constexpr double DEFAULT_TOLERANCE = 1e-6;  // greatest error bound wanted, if none is given
 
 // A bound on the multipliers that keep normal velocities u+ of the contacts `loaded` where all of them stick: for a
 // basis S of these, and the roots a of the diagonal of A_SS^-1,
@@ -242,5 +241,5 @@ struct LeastWork {
 
 ClusterImpulses least_work_friction(const Assembly& assembly, const ClusterImpulses& frictionless, double tolerance) {
   if (!(greatest_of(loads_of(assembly, frictionless.normal)) > 0)) return frictionless;
-  return LeastWork(assembly, frictionless, tolerance > 0 ? tolerance : DEFAULT_TOLERANCE).resolve();
+  return LeastWork(assembly, frictionless, tolerance > 0 ? tolerance : USEFUL_BOUND).resolve();
 }

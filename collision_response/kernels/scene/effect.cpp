@@ -10,6 +10,9 @@ namespace {
 // a smaller fraction counts as being at the limit.
 constexpr double AT_REST = 0x1p-20;
 
+// Impulses have the same effect if it differs by less than this fraction.
+constexpr double SAME_EFFECT = 0x1p-30;
+
 // Impulses that are applied to a cluster: the motion after them, and what is known of its error.
 struct AppliedImpulses {
   const Assembly& assembly;
@@ -43,8 +46,28 @@ struct AppliedImpulses {
       if (normal[i].h != 0) error += 0x1p-1073 / contact.scale;
     }
     if (has_friction) return;
-    least_norm(assembly, reported);
+    if (!impulses.have_least_norm) take_least_norm();
     normal_velocities = assembly.velocities(normal);
+  }
+
+  // Report the least impulses with the same effect. Where contacts nearly face each other, loads on both of them seem to
+  // do nothing, but may be so great that they do all the work.
+  void take_least_norm() {
+    Vector least = reported;
+    least_norm(assembly, least);
+    if (least == reported) return;
+    std::vector<DD> dropped;
+    for (int i = 0; i < assembly.count; ++i) dropped.push_back(normal[i] - DD{least[i], 0});
+    if (greatest_twist(assembly.twist_changes(dropped.data())) <= SAME_EFFECT * greatest_twist(twist_changes))
+      reported = least;
+  }
+  double greatest_twist(const std::vector<N>& changes) const {
+    double greatest = 0, twist[6];
+    for (int b = 0; b < assembly.body_count; ++b) {
+      std::transform(&changes[6 * b], &changes[6 * b] + 6, twist, [](const N& x) { return high(x); });
+      greatest = std::fmax(greatest, twist_size(assembly.bodies[b].x, twist));
+    }
+    return greatest;
   }
 
   double normal_impulse(int i) const { return normal[i].h * assembly.contacts[i].length; }

@@ -2,6 +2,8 @@
 #pragma once
 #include "impulses.hpp"
 
+constexpr double USEFUL_BOUND = 0x1p-20;  // an error bound above this says little: as in model.py
+
 // FRICTIONLESS: reflections.cpp. Contacts that approach more slowly than `threshold`, relative to the fastest approach,
 // are not reflected.
 ClusterImpulses reflections(const Assembly& assembly, double threshold);

@@ -15,6 +15,13 @@ void resolve_by_springs(const Assembly& assembly, const ClusterOptions& options,
   energies[LOST_TO_FRICTION] = answer.friction_loss;
 }
 
+// Whether the error bound of a result is too large because the impulses without friction are not known well enough.
+// Fractions know them better.
+bool needs_fractions(const Assembly& assembly, const ClusterImpulses& frictionless, const ClusterResult& result) {
+  return !(result.effect.error_bound <= USEFUL_BOUND) && assembly.count <= RATIONAL_CONTACTS &&
+         !(effect_of(assembly, frictionless, false).error_bound <= USEFUL_BOUND);
+}
+
 }  // namespace
 
 ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& options, const ClusterImpulses* decided) {
@@ -46,7 +53,10 @@ ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& options, c
   if (options.law == LAW_MOREAU && !are_decided) {
     const ClusterImpulses impulses = moreau(assembly, has_friction);
     if (impulses.are_found) result.apply(assembly, impulses);
-    if (result.code != UNDECIDED && !result.effect.creates_energy) return result;
+    if (result.code != UNDECIDED && !result.effect.creates_energy) {
+      if (!decided && !has_friction && needs_fractions(assembly, impulses, result)) result.code = UNDECIDED;
+      return result;
+    }
     result.fell_back = true;
   }
   ClusterImpulses impulses = are_decided ? *decided : reflections(assembly, options.threshold);
@@ -57,8 +67,10 @@ ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& options, c
   } else if (impulses.error == INFINITY && !decided) {
     result.code = UNDECIDED;
   } else {
+    const ClusterImpulses frictionless = impulses;
     if (has_friction) impulses = least_work_friction(assembly, impulses, options.tolerance);
     result.apply(assembly, impulses);
+    if (!decided && needs_fractions(assembly, frictionless, result)) result.code = UNDECIDED;
   }
   return result;
 }

@@ -27,7 +27,7 @@ from ..layout import (
     names_of_inputs,
     rows_in_everything,
 )
-from ..protocol import REFLECTIONS, Handover, NumberType, ValidityFlag
+from ..protocol import RATIONAL_CONTACTS, REFLECTIONS, Handover, NumberType, ValidityFlag
 from .units import units
 
 ENUMERATIONS: dict[str, Iterable[Any]] = {
@@ -90,6 +90,7 @@ def constants() -> str:
         "VALIDITY_FLAGS": len(ValidityFlag),
         "LAW_COUNT": max(LAWS) + 1,
         "REFLECTIONS": REFLECTIONS,
+        "RATIONAL_CONTACTS": RATIONAL_CONTACTS,
     }
     for prefix, enumeration in ENUMERATIONS.items():
         numbers |= {f"{prefix}_{member.name}": int(member) for member in enumeration}
