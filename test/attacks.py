@@ -769,8 +769,16 @@ def units() -> Cases:
             if name == "plane" or unit == "time":
                 for law in ("MOREAU", "ROUTH_STRONGE"):
                     yield Case(f"{name} {unit} {factor:g} {law}", changed, model(law), 1e-9)
-    for mass, size, time in ((1e100, 1e-100, 1e-100), (1e-100, 1e100, 1e100), (1e60, 1e60, 1e-60)):
-        changed = in_units(TUMBLING, mass, size, time)
+    on_wall = TUMBLING._replace(b=PlainBody())
+    for mass, size, time in (
+        (1e100, 1e-100, 1e-100),
+        (1e-100, 1e100, 1e100),
+        (1e60, 1e60, 1e-60),
+        (1.0, 1e100, 1e200),
+    ):
+        changed, still = in_units(TUMBLING, mass, size, time), in_units(on_wall, mass, size, time)
+        for law in ("COULOMB", "MOREAU", "ROUTH_STRONGE"):
+            yield Case(f"wall {mass:g} {size:g} {time:g} {law}", still, model(law), 1e-9)
         for precision, law in product(PRECISIONS, FORMULAS):
             yield Case(f"mixed {mass:g} {size:g} {time:g} {law} {precision}", changed, model(law, precision))
 

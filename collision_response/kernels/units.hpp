@@ -30,11 +30,13 @@ struct Units {
     if (!(mass < INFINITY)) mass = 1;
     // The lesser mass becomes about 1, unless the other would become infinite, which means immovable.
     int mass_power = heaviest < INFINITY ? std::max(std::ilogb(mass), std::ilogb(heaviest) - 900) : std::ilogb(mass);
-    double lengths[8], speeds[6];
+    double lengths[8], speeds[3], spins[6];
     for (int k = 0; k < 3; ++k) {
       lengths[k] = point[k] - a[BODY_POSITION_X + k];
       lengths[3 + k] = point[k] - b[BODY_POSITION_X + k];
       speeds[k] = a[BODY_VELOCITY_X + k] - b[BODY_VELOCITY_X + k];
+      spins[k] = a[BODY_ANGULAR_VELOCITY_X + k];
+      spins[3 + k] = b[BODY_ANGULAR_VELOCITY_X + k];
     }
     for (int side = 0; side < 2; ++side) {
       const double* body = input + side * BODY;
@@ -42,13 +44,10 @@ struct Units {
       lengths[6 + side] = trace > 0 ? std::sqrt(trace) / std::sqrt(body[BODY_MASS]) : articulated_length[side];
     }
     int length = exponent(lengths, 8);
-    int spin = std::max(exponent(a + BODY_ANGULAR_VELOCITY_X, 3), exponent(b + BODY_ANGULAR_VELOCITY_X, 3));
-    bool spins = false;
-    for (int k = 0; k < 3; ++k)
-      spins = spins || a[BODY_ANGULAR_VELOCITY_X + k] != 0 || b[BODY_ANGULAR_VELOCITY_X + k] != 0;
-    int speed = exponent(speeds, 3);
-    bool moves = speeds[0] != 0 || speeds[1] != 0 || speeds[2] != 0;
-    if (spins) speed = moves ? std::max(speed, spin + length) : spin + length;
+    auto is_zero = [](double x) { return x == 0; };
+    int speed = exponent(speeds, 3), tip_speed = exponent(spins, 6) + length;
+    if (!std::all_of(spins, spins + 6, is_zero))
+      speed = std::all_of(speeds, speeds + 3, is_zero) ? tip_speed : std::max(speed, tip_speed);
     return {{-mass_power, -length, speed - length, -exponent(a + BODY_ORIENTATION_X, 4),
              -exponent(b + BODY_ORIENTATION_X, 4), -exponent(input + IN_CONTACT + CONTACT_NORMAL_X, 3)}};
   }
