@@ -135,6 +135,14 @@ def test_a_state_from_the_future_does_not_shut_out_the_others():
     assert store.speed() == 1.0
 
 
+def test_a_state_slightly_ahead_of_the_clock_is_later_than_one_before_it():
+    """As in a simulation, where states may be a step ahead of ``/clock``."""
+    store = StateStore()
+    store.hear(left(9.0, 1001))
+    store.hear(left(1.0, 1000))
+    assert (store.speed(), store.states.outdated) == (9.0, 1)
+
+
 def test_forget_drops_all_states():
     store = StateStore()
     store.hear(left(1.0, 10))

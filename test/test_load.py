@@ -291,18 +291,23 @@ def test_requests_of_a_client_that_leaves_are_dropped_and_counted(graph):
     assert graph.call(balls_meet()).success
 
 
-def test_an_unseen_client_that_left_is_tried_once(graph, monkeypatch):
-    """Fast DDS blocks for a tenth of a second per answer to such a client, and everybody else waits."""
-    unseen, tried = [], []
+@pytest.fixture
+def tried(graph, monkeypatch):
+    """The headers of requests that were answered in vain: those of as many clients as ``graph.unseen`` says.
+
+    The node does not see these clients, as if they had left before it could.
+    """
+    unseen, tried = set(), []
     look, send = ConnectedClients._refresh, server._try_to_send
 
     def look_past(presence):
         look(presence)
-        presence._connected -= {*unseen}
+        presence._connected -= unseen
 
-    def first_is_unseen(header):
+    def first_are_unseen(header):
         client = clients.client_id(header)
-        unseen[:] = unseen or [client]
+        if len(unseen) < graph.unseen:
+            unseen.add(client)
         return client
 
     def send_to_others(service, response, header):
@@ -312,15 +317,37 @@ def test_an_unseen_client_that_left_is_tried_once(graph, monkeypatch):
         return False
 
     monkeypatch.setattr(ConnectedClients, "_refresh", look_past)
-    monkeypatch.setattr(server, "client_id", first_is_unseen)
+    monkeypatch.setattr(server, "client_id", first_are_unseen)
     monkeypatch.setattr(server, "_try_to_send", send_to_others)
     monkeypatch.setattr(server, "MAX_DISCOVERY_TIME", 1.0)  # all requests must arrive within this time
+    return tried
+
+
+def test_an_unseen_client_that_left_is_tried_once(graph, tried):
+    """Fast DDS blocks for a tenth of a second per answer to such a client, and everybody else waits."""
+    graph.unseen = 1
     graph.serve()
     last = graph.diagnostics()
     _, client = another_client(graph)
     for _ in range(50):
         client.call_async(balls_meet())
     wait_until(lambda: last() and last()[1]["requests of clients that left"] == "49")
+    assert len(tried) == 1
+    assert last()[1]["requests waiting"] == "0"
+    assert graph.call(balls_meet()).success
+
+
+def test_many_unseen_clients_that_left_are_not_tried_one_after_another(graph, tried, monkeypatch):
+    """A tenth of a second for each would add up. The next try is due after the test."""
+    monkeypatch.setattr(server, "TRY_INTERVAL", 2 * DEADLINE)
+    monkeypatch.setattr(server, "MAX_TIME_TO_TRY", 0.1)
+    graph.unseen = 5
+    graph.serve()
+    last = graph.diagnostics()
+    left = [another_client(graph)[1] for _ in range(graph.unseen)]
+    for client in left:
+        client.call_async(balls_meet())
+    wait_until(lambda: last() and last()[1]["requests of clients that left"] == "4")
     assert len(tried) == 1
     assert last()[1]["requests waiting"] == "0"
     assert graph.call(balls_meet()).success

@@ -137,7 +137,16 @@ def test_a_body_with_more_than_a_name_is_not_looked_up(graph):
     Publisher(graph).publish(left_ball())
     request = by_name()
     request.body_b.header.frame_id = "world"
-    assert graph.call(request).result.status.code == StatusCode.INVALID_MASS
+    status = graph.call(request).result.status
+    assert status.code == StatusCode.INVALID_MASS
+    assert status.message == (
+        "body_b.inertia.m: is 0: to use the last state of 'left', set no field but its name"
+    )
+
+
+def test_a_stamp_before_1970_is_as_good_as_any_if_no_other_is_asked_for(graph):
+    graph.serve(max_state_wait=60.0)
+    assert Publisher(graph).publish(left_ball(stamp=-5.0)).success
 
 
 def test_a_looked_up_body_must_be_in_the_frame_of_the_contact(graph):

@@ -103,7 +103,7 @@ class StateFinder:
                 raise
             raise StateNotYetReceived(error.code, error.field, error.reason) from None
         stamp, time_of_contact = nanoseconds(state.header.stamp), self._time or self._states.now()
-        if stamp < self._not_before:
+        if self._not_before and stamp < self._not_before:
             fault = f"is {(self._not_before - stamp) / 1e9:.6g} s older than not_before"
             if not stamp:
                 fault = "has no stamp, which not_before requires"
@@ -138,7 +138,8 @@ def complete(request: ResolveCollision.Request, finder: StateFinder) -> Steps[li
     The request is changed in place, but not if there is an error.
 
     Raises:
-        ImpactError: as ``names_of``, and ``find`` and ``check`` of the finder.
+        ImpactError: INVALID_MASS, if a body given in full has no mass; as ``names_of``, and ``find`` and
+            ``check`` of the finder.
     """
     yield from ()  # two bodies need no pause
     names = dict(zip(OWNERS, names_of(request), strict=True))
@@ -147,6 +148,7 @@ def complete(request: ResolveCollision.Request, finder: StateFinder) -> Steps[li
     for owner in OWNERS:
         if owner not in by_name:
             finder.check_frame(owner, bodies[owner])
+            _check_is_given(owner, bodies[owner])
     found = {owner: finder.find(owner, f"{owner}.name", names[owner]) for owner in by_name}
     for owner, (state, age) in found.items():
         finder.check(owner, state, age)
@@ -161,6 +163,13 @@ def _has_only_a_name(body: BodyState) -> bool:
     if body.inertia.m or body.motion_type:
         return False  # true of most bodies given in full; the comparison below takes ten times as long
     return body == BodyState(name=body.name)
+
+
+def _check_is_given(owner: str, body: BodyState) -> None:
+    """Refuse a body that has a name and more, but no mass (INVALID_MASS): it may be meant to be known."""
+    if body.name and not (body.inertia.m or body.motion_type):
+        reason = f"is 0: to use the last state of {quoted(body.name)}, set no field but its name"
+        raise ImpactError(StatusCode.INVALID_MASS, f"{owner}.inertia.m", reason)
 
 
 def names_of(request: ResolveCollision.Request) -> list[str]:

@@ -42,6 +42,13 @@ UPKEEP_INTERVAL = 0.2
 MAX_DISCOVERY_TIME = 2.0
 """Longest time [s] to wait until the client that sent a request is discovered."""
 
+TRY_INTERVAL = 1.0
+"""Time [s] between two tries to answer clients that are not discovered, if one has failed: each failure takes
+a tenth of a second of those that others wait for."""
+
+MAX_TIME_TO_TRY = 10.0
+"""Longest time [s] to wait for such a try after ``MAX_DISCOVERY_TIME``."""
+
 WAIT_CHECK_INTERVAL = 0.01
 """Time [s] between two searches for requests that have waited for a state until their deadline."""
 
@@ -124,6 +131,7 @@ class Server:
         self._after_sending = after_sending
         self._jobs = RoundRobin(self._over_budget, self._wake)
         self._unconfirmed: Counter[bytes] = Counter()
+        self._next_try = 0.0  # time [s] of the next try to answer a client that is not discovered
         self._endpoints: dict[str, Endpoint] = {}
         self._waitables: list[TakeAllWaitable] = []
         self._more = node.create_guard_condition(self._serve)
@@ -223,8 +231,12 @@ class Server:
         """
         clients, client = call.endpoint.clients, call.client
         deadline = call.received + MAX_DISCOVERY_TIME
-        while not clients.is_connected(client) and time.perf_counter() < deadline:
-            yield min(deadline, time.perf_counter() + WAIT_CHECK_INTERVAL)
+        while not clients.is_connected(client):
+            now = time.perf_counter()
+            try_at = min(max(deadline, self._next_try), deadline + MAX_TIME_TO_TRY)
+            if now >= try_at:
+                break
+            yield min(try_at, now + WAIT_CHECK_INTERVAL) if now < deadline else try_at
         if self._is_dropped(call):
             return
         try:
@@ -236,8 +248,15 @@ class Server:
             self._refuse(call, self._as_refusal(error))
 
     def _is_dropped(self, call: Call) -> bool:
-        """Whether a request is dropped, because its client has left."""
-        has_left = call.endpoint.clients.has_left(call.client, call.received)
+        """Whether a request is dropped, because its client has left.
+
+        A client that is not discovered seems to have left, too, if another such client could not be reached
+        just now.
+        """
+        clients = call.endpoint.clients
+        has_left = clients.has_left(call.client, call.received) or (
+            time.perf_counter() < self._next_try and not clients.is_connected(call.client)
+        )
         self._counters.dropped += has_left
         return has_left
 
@@ -297,6 +316,8 @@ class Server:
             self._note_sent(call, status)
         else:
             call.endpoint.clients.note_unreachable(call.client)
+            if not call.endpoint.clients.is_connected(call.client):
+                self._next_try = time.perf_counter() + TRY_INTERVAL
             self._counters.unsent += 1
             self._log.warning(
                 "an answer could not be sent: its client does not read answers, or has left",

@@ -25,8 +25,9 @@ MAX_PUBLISHERS = 1000
 """Number of publishers whose messages are counted. Tables are kept of a tenth of that number."""
 
 MAX_DELAY = 1.0
-"""Longest time [s] by which a state may be late. If its stamp is further back, time was set back, or the
-clocks of two publishers differ; it then counts as the latest if no later one has arrived for this time."""
+"""Longest time [s] by which a state may be late, or ahead of the node's clock. If its stamp is further back,
+time was set back, or the clocks of two publishers differ; it then counts as the latest if no later one has
+arrived for this time."""
 
 
 def quoted(name: str) -> str:
@@ -46,9 +47,9 @@ class LatestStates:
     """The latest states of bodies by their names, from single states and tables.
 
     The latest state is the one with the latest stamp. A state without a stamp counts as the latest when it
-    arrives. So does a state that arrives while the known state is stamped in the future, or one whose stamp
-    is more than ``MAX_DELAY`` earlier, if no later one has arrived for that time: one wrong clock must not
-    shut out the right ones.
+    arrives. So does a state that arrives while the known state is stamped more than ``MAX_DELAY`` ahead of
+    the node's clock, or one whose stamp is more than ``MAX_DELAY`` earlier, if no later one has arrived for
+    that time: one wrong clock must not shut out the right ones.
 
     It counts the messages that were ``received``, ``lost`` on the way or ``unreadable``, the states that were
     ``outdated`` because the known one was later, and the bodies ``evicted`` because there were too many.
@@ -182,7 +183,9 @@ class LatestStates:
 
     def _later(self, old: AnySerialized, new: AnySerialized) -> AnySerialized:
         """The later of two messages, of which ``new`` arrived later."""
-        if new.stamp >= old.stamp or not new.stamp or old.stamp > self.now():
+        if new.stamp >= old.stamp or not new.stamp:
+            return new
+        if old.stamp - self.now() > MAX_DELAY * 1e9:
             return new
         gap = min((old.stamp - new.stamp) / 1e9, new.arrival - old.arrival)
         return new if gap > MAX_DELAY else old
