@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from graphlib import CycleError, TopologicalSorter
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
@@ -33,6 +33,11 @@ Pose = Any
 
 MODEL_FRAME = "__model__"
 """SDF's name for the frame of the model."""
+
+WORLD = "world"
+"""Name of what does not move: in SDF, and by custom of a link without mass in URDF."""
+
+MOMENTS = "ixx", "iyy", "izz"
 
 URDF_JOINTS = "fixed", "revolute", "continuous", "prismatic", "floating", "planar"
 SDF_JOINTS = (
@@ -117,14 +122,16 @@ class Description(NamedTuple):
             locked: whether movable joints connect links as fixed joints do.
 
         Raises:
-            ValueError: if there is no such link, or if the body has no mass, or a mass or inertia that
-                exceeds float64.
+            ValueError: if there is no such link, or if the body is fixed to the world, has no mass, or has a
+                mass or inertia that exceeds float64.
         """
         if link not in self.inertials:
             raise ValueError(f"{self.name!r} has no link {link!r}; it has {', '.join(self.inertials)}")
-        parts = [
-            _transformed(pose, self.inertials[name]) for name, pose in self._connected_links(link, locked)
-        ]
+        links = list(self._connected_links(link, locked))
+        if link != WORLD and WORLD in [name for name, _ in links] and not self.inertials[WORLD].mass:
+            reason = "is fixed to the world: give it as a STATIC body"
+            raise ValueError(f"link {link!r} of {self.name!r} {reason}")
+        parts = [_transformed(pose, self.inertials[name]) for name, pose in links]
         mass = sum(part.mass for part in parts)
         if not mass > 0:
             raise ValueError(f"link {link!r} of {self.name!r} has no mass")
@@ -139,7 +146,7 @@ class Description(NamedTuple):
         """Yield the links of the body that ``link`` belongs to, with their poses in the axes of ``link``."""
         neighbours = defaultdict(list)
         for joint in self.joints:
-            if locked or joint.is_fixed:
+            if joint.is_fixed or (locked and WORLD not in joint[:2]):
                 neighbours[joint.parent].append((joint.child, joint.pose))
                 neighbours[joint.child].append((joint.parent, np.linalg.inv(joint.pose)))
         poses = {link: np.eye(4)}
@@ -215,6 +222,9 @@ def _urdf_inertial(link: Element) -> Inertial:
         return Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
     mass = _mass(_child(inertial, "mass", where).get("value"), where)
     numbers = _child(inertial, "inertia", where).attrib
+    for name in MOMENTS:
+        if name not in numbers:
+            raise ValueError(f"{name} of {where}: must be given")
     at_com = Inertial(mass, np.zeros(3), _tensor(numbers, 0.0, where))
     return _transformed(_urdf_pose(inertial, where), at_com)
 
@@ -239,6 +249,9 @@ def _sdf(model: Element) -> tuple[dict[str, Inertial], tuple[Joint, ...]]:
     if _is_true(model.findtext("static")):
         raise ValueError(f"model {model.get('name')!r} is static: give it as a STATIC body")
     elements = _by_name(model, "joint") | _by_name(model, "frame") | _by_name(model, "link")
+    for name, element in elements.items():
+        if name == WORLD or name.startswith("__"):
+            raise ValueError(f"{element.tag} {name!r} has a name that SDF reserves")
 
     known = {MODEL_FRAME: np.eye(4)}
 
@@ -262,15 +275,17 @@ def _sdf(model: Element) -> tuple[dict[str, Inertial], tuple[Joint, ...]]:
     inertials = _inertials(model, _sdf_inertial)
     joints = []
     for joint in model.iterfind("joint"):
-        parent, child = (joint.findtext(end, "").strip() for end in ("parent", "child"))
-        if "world" not in (parent, child):
-            where = f"joint {joint.get('name')!r}"
-            for end in (parent, child):
-                if end in elements and elements[end].tag != "link":
-                    raise ValueError(f"{where}: {end!r} is a <{elements[end].tag}>: name its link instead")
-            _check_links(where, (parent, child), inertials)
-            pose = np.linalg.inv(pose_in_model(parent)) @ pose_in_model(child)
-            joints.append(Joint(parent, child, pose, _is_fixed(joint, SDF_JOINTS)))
+        parent, child = ends = tuple(joint.findtext(end, "").strip() for end in ("parent", "child"))
+        where = f"joint {joint.get('name')!r}"
+        for end in ends:
+            if end in elements and elements[end].tag != "link":
+                raise ValueError(f"{where}: {end!r} is a <{elements[end].tag}>: name its link instead")
+        _check_links(where, ends, inertials.keys() | {WORLD})
+        # Where in the world does not matter.
+        pose = np.eye(4) if WORLD in ends else np.linalg.inv(pose_in_model(parent)) @ pose_in_model(child)
+        joints.append(Joint(parent, child, pose, _is_fixed(joint, SDF_JOINTS)))
+    if any(WORLD in joint[:2] for joint in joints):
+        inertials[WORLD] = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
     return inertials, tuple(joints)
 
 
@@ -382,7 +397,7 @@ def _child(owner: Element, tag: str, where: str) -> Element:
     return child
 
 
-def _check_links(where: str, ends: tuple[str, str], links: dict[str, Inertial]) -> None:
+def _check_links(where: str, ends: Iterable[str], links: Container[str]) -> None:
     for end in ends:
         if end not in links:
             raise ValueError(f"{where}: the robot has no link {end!r}")

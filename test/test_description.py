@@ -19,6 +19,9 @@ ROUNDING = 1e-14
 """A few operations on numbers of size 1."""
 
 
+GROUND = "<joint name='ground' type='{kind}'><parent>world</parent><child>{child}</child></joint>"
+
+
 def urdf(*parts: str) -> str:
     return f"<robot name='robot'>{''.join(parts)}</robot>"
 
@@ -141,11 +144,11 @@ def test_sdf_poses_may_be_relative_to_frames_and_joints():
         "<link name='a'><pose relative_to='__model__'>0 1 0 0 0 0</pose></link>",
         "<link name='b'><pose relative_to='j' rotation_format='quat_xyzw'>0 0 1  0 0 1 0</pose></link>",
         "<joint name='j' type='fixed'><pose relative_to='f'/><parent>a</parent><child> b </child></joint>",
-        "<joint name='ground' type='fixed'><parent>world</parent><child>a</child></joint>",
+        "<joint name='ground' type='revolute'><parent>world</parent><child>a</child></joint>",
     )
     found = body_of(text, "a")
     assert (found.mass, *found.com) == pytest.approx((2.0, 0.5, 0.0, 0.5), abs=ROUNDING)
-    (joint,) = Description.read(text).joints
+    joint, _ = Description.read(text).joints
     np.testing.assert_allclose(joint.pose[:3, :3], np.diag([-1.0, -1.0, 1.0]), atol=ROUNDING)
 
 
@@ -166,6 +169,13 @@ def test_a_link_may_share_its_name_with_a_joint_or_a_frame():
         ("<robot", "the description is not XML"),
         ("<html/>", "must be a URDF <robot>, or an <sdf> with one <model>; is a <html> with 0"),
         (sdf(before="<model name='other'/>"), "is a <sdf> with 2"),
+        (sdf("<link name='world'/>"), "link 'world' has a name that SDF reserves"),
+        (sdf("<frame name='__model__'/>"), "frame '__model__' has a name that SDF reserves"),
+        (
+            sdf("<link name='a'/>", GROUND.format(kind="fixxed", child="a")),
+            "joint 'ground': type must be one of fixed",
+        ),
+        (sdf(GROUND.format(kind="fixed", child="a")), "joint 'ground': the robot has no link 'a'"),
         (urdf(link("base", "${m}")), "mass of link 'base': must be a finite number, is '${m}'"),
         (urdf(link("base", math.inf)), "mass of link 'base': must be a finite number, is 'inf'"),
         (urdf(link("base", 1.0, xyz="0 0")), "xyz of link 'base': must be 3 finite numbers, is '0 0'"),
@@ -363,9 +373,51 @@ def test_masses_and_inertias_beyond_float64_are_refused_by_name(links):
 @pytest.mark.parametrize("field", Symmetric3._fields)
 @pytest.mark.parametrize("number", [1e308, -1e308, 1.7976931348623157e308])
 def test_the_greatest_floats_are_read(field, number):
-    text = f"<link name='a'><inertial><mass value='1'/><inertia i{field}='{number!r}'/></inertial></link>"
     expected = Symmetric3(*[0.0] * 6)._replace(**{field: number})
+    numbers = " ".join(f"i{name}='{x!r}'" for name, x in expected._asdict().items())
+    text = f"<link name='a'><inertial><mass value='1'/><inertia {numbers}/></inertial></link>"
     assert body_of(urdf(text), "a").inertia == expected
+
+
+@pytest.mark.parametrize("name", ["ixx", "iyy", "izz"])
+def test_a_moment_must_be_given(name):
+    """A misspelt one would count as 0, as that of a thin rod."""
+    text = urdf(link("base", 1.0, (1.0, 1.0, 1.0))).replace(name, name.upper())
+    with pytest.raises(ValueError, match=f"{name} of link 'base': must be given"):
+        Description.read(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        urdf("<link name='world'/>", link("a", 1.0), link("b", 1.0), joint("world", "a"), joint("a", "b")),
+        sdf(
+            "<link name='a'/><link name='b'/>",
+            GROUND.format(kind="fixed", child="a"),
+            "<joint name='j' type='fixed'><parent>a</parent><child>b</child></joint>",
+        ),
+    ],
+)
+def test_a_body_that_is_fixed_to_the_world_is_refused(text):
+    for name in ("a", "b"):
+        with pytest.raises(ValueError, match=f"link '{name}' of '.*' is fixed to the world: give"):
+            body_of(text, name)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        urdf("<link name='world'/>", link("a", 2.0), joint("world", "a", "floating")),
+        urdf(link("world", 1.0), link("a", 1.0), joint("world", "a", "fixed")),
+        sdf(
+            "<link name='a'><inertial><mass>2</mass></inertial></link>",
+            GROUND.format(kind="revolute", child="a"),
+        ),
+    ],
+)
+def test_a_body_that_moves_in_the_world_is_a_body(text):
+    """So is one with a link that has a mass, whatever its name."""
+    assert body_of(text, "a", locked=True).mass == 2.0
 
 
 def test_unknown_and_massless_links_are_refused_by_name():

@@ -41,7 +41,7 @@ ROBOT = """
   <link name="base_link">
     <inertial><origin xyz="0.25 0 0"/><mass value="9"/><inertia ixx="1" iyy="1" izz="1"/></inertial>
   </link>
-  <link name="wheel"><inertial><mass value="1"/><inertia/></inertial></link>
+  <link name="wheel"><inertial><mass value="1"/><inertia ixx="0" iyy="0" izz="0"/></inertial></link>
   <joint name="fixed" type="fixed"><parent link="base_footprint"/><child link="base_link"/></joint>
   <joint name="axle" type="continuous"><parent link="base_link"/><child link="wheel"/></joint>
 </robot>
