@@ -652,6 +652,20 @@ def test_a_batch_has_the_same_derivatives(law):
     np.testing.assert_allclose(along.jacobian[:, 0, :4], expected[:, :4], rtol=1e-11, atol=1e-11)
 
 
+@pytest.mark.parametrize("law", [Law.AUTO, Law.COULOMB])
+def test_a_table_without_friction_has_the_derivative_by_friction_of_coulomb(law):
+    """As for one impact."""
+    collision = BODY_A, BODY_B, CONTACT._replace(friction=0.0)
+    bodies, contacts = batch_of([collision])
+    if law is Law.AUTO:
+        contacts = contacts[: contact_rows(Geometry.SPATIAL).friction.start]
+    found = differentiate_batch(bodies, contacts, unit_directions("contact.friction"), ImpactModel(law))
+    expected = differentiate(*collision, with_respect_to=("contact.friction",))
+    assert expected.jacobian.any()
+    np.testing.assert_array_equal(found.jacobian[..., 0], expected.jacobian)
+    np.testing.assert_array_equal(found.smoothness[:, 0], expected.smoothness)
+
+
 @pytest.mark.parametrize("half", [F(1, 2), Decimal("0.5"), np.float32(0.5), np.array(0.5)], ids=repr)
 @pytest.mark.parametrize("field", ["tangential_restitution", "restitution_threshold", "stiffness_ratio"])
 def test_a_batch_takes_settings_of_every_type(half, field):
@@ -699,6 +713,13 @@ def test_a_planar_batch_has_the_same_derivatives():
     np.testing.assert_array_equal(
         found.jacobian[..., 0], differentiate(body, Body.static(), contact, with_respect_to=names).jacobian
     )
+
+
+def test_a_result_that_is_changed_changes_no_other():
+    names = ("body_a.velocity", "contact.friction")
+    first = differentiate(BODY_A, BODY_B, CONTACT, with_respect_to=names)
+    del first.columns["body_a.velocity"]
+    assert [*differentiate(BODY_A, BODY_B, CONTACT, with_respect_to=names).columns] == [*names]
 
 
 def test_a_contact_with_its_own_tangential_restitution_overrides_the_model():

@@ -291,6 +291,19 @@ def test_laws_that_agree_cannot_be_told_apart_but_others_can():
     assert "cannot tell" in str(found) and "FRICTIONLESS" in str(found).splitlines()[-1]
 
 
+@pytest.mark.parametrize("restitution", [0.0, 1.0])
+def test_laws_that_differ_by_rounding_cannot_be_told_apart(restitution):
+    """Head-on impacts, a little beyond a limit of restitution: all laws give the same."""
+    balls = [Body.dynamic(1.0, velocity=(0.0, 0.0, -v)) for v in (1.0, 1.3, 1.7, 2.1, 2.9, 3.3)]
+    touch = Contact.of((0, 0, 0), (0, 0, 1))
+    rebound = 1.02 * restitution or -0.02
+    after = [Twist((0, 0, -rebound * ball.velocity.z), (0, 0, 0)) for ball in balls]
+    still = [Twist((0, 0, 0), (0, 0, 0))] * 6
+    measured = Impacts.of(balls, [Body.static()] * 6, [touch] * 6, after, still)
+    found = compare(measured, resamples=2)
+    assert {*found.candidates} == {*found.fits} and len(found.fits) > 4
+
+
 @pytest.mark.parametrize("loss", ["soft_l1", "huber", "cauchy", "arctan"])
 @pytest.mark.parametrize("wrong", [0.0, 3.0, 30.0, 1e3])
 def test_one_outlier_hides_no_difference_between_laws(wrong, loss):

@@ -450,6 +450,22 @@ def test_a_ball_that_falls_without_slip_may_slide(law, normal, angle, of_velocit
     assert found.is_reliable != both
 
 
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU, Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize("sd", [0.07, 0.08, 0.3, 0.6, 0.8, 1.2, 2.0, 5.0])
+def test_a_ball_that_may_slide_to_either_side_may_stick(law, sd):
+    """It sticks below 7/2 mu (1 + e) |u_n| = 1.05 m/s, at a slip of 1.2 m/s 0.15 m/s away. With 1.2 m/s of
+    uncertainty, two deviations to either side are slips of 3.6 and -1.2 m/s.
+    """
+    S = np.zeros((12, 12))
+    S[6, 6] = sd**2
+    body = ball(velocity=(1.2, 0.0, -1.0), angular_velocity=(0.0, 0.0, 0.0))
+    contact = Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.2)
+    found = propagate_covariance(
+        body, Body.static(), contact, ImpactModel(law), S, sphere_on_plane(RADIUS), gravity=G
+    )
+    assert found.is_reliable == (2 * sd < 0.15)
+
+
 @pytest.mark.parametrize("law", [law for law in Law if law is not Law.AUTO])
 @pytest.mark.parametrize("deviations", [-2.1, -1.9, 0.1, 1.9, 2.1])
 @pytest.mark.parametrize(("restitution", "restitution_sd"), [(0.8, 0.0), (0.0, 0.1), (0.0, 0.0)])

@@ -6,8 +6,9 @@ the impact by restitution, friction and normal:
     S+ = Xi S Xi^T + J diag(sd^2) J^T
 
 This holds as long as all likely impacts have the same regime and no jump is between them. To find out, points
-at two standard deviations are tried: along each source of uncertainty, and in the directions in which the
-friction used, the slip after the impact, the slip before it and the approach change most.
+within two standard deviations are tried: along each source of uncertainty, and in the directions in which the
+friction used, the slip after the impact, the slip before it and the approach change most. If two of them
+slide in opposite directions, one that sticks is between them, however few of them there are.
 """
 
 from __future__ import annotations
@@ -43,8 +44,9 @@ from .saltation import (
 )
 from .surfaces import SurfaceMotion, Surfaces, unit_normal
 
-LIKELY_DEVIATIONS = 2.0
-"""Number of standard deviations within which all impacts must have the same regime."""
+LIKELY_DEVIATIONS = 2.0, 1.0, 0.5
+"""Numbers of standard deviations at which impacts are tried. Within the first of them, all must have the same
+regime."""
 
 
 @compared_by_identity
@@ -55,8 +57,9 @@ class CovarianceAfter(NamedTuple):
         covariance: of the state after the impact; its shape is that of the covariance before.
         regimes: all regimes found within two standard deviations; the first is that of the mean state.
         is_reliable: ``False`` if ``regimes`` has separating and another one, or both sticking and slipping of
-            a contact with friction; if a derivative that was used is at a kink or a jump; or if there is a
-            jump within two standard deviations, at ``restitution_threshold`` or where MOREAU falls back.
+            a contact with friction; if the contact may slide to either side; if a derivative that was used is
+            at a kink or a jump; or if there is a jump within two standard deviations, at
+            ``restitution_threshold`` or where MOREAU falls back.
     """
 
     covariance: Array
@@ -65,9 +68,10 @@ class CovarianceAfter(NamedTuple):
 
 
 class _Behaviour(NamedTuple):
-    """What sets one impact apart from another: its regime, and the sides of the jumps on which it is."""
+    """What sets impacts apart: the regime, the impulse of friction, and the sides of the jumps."""
 
     regime: Regime
+    friction: Vec3
     is_slow: bool
     falls_back: bool
 
@@ -123,11 +127,17 @@ def propagate_covariance(
     regimes = tuple(dict.fromkeys(one.regime for one in likely))
     has_friction = contact.friction > 0 or friction_sd > 0  # if not, a contact that sticks just does not slip
     differ = {Regime.SEPARATING, Regime.STICKING} if has_friction else {Regime.SEPARATING}
-    has_one_behaviour = len(regimes) == 1 or differ.isdisjoint(regimes)
+    has_one_behaviour = (len(regimes) == 1 or differ.isdisjoint(regimes)) and not _slides_back(likely)
     may_jump = _has_jump(likely, has_restitution=contact.restitution > 0 or restitution_sd > 0)
     certain = [name for name, sd in zip(COEFFICIENTS, deviations[:2], strict=True) if sd == 0]
     is_smooth = not is_nonsmooth(linearised.derivatives, without=certain)
     return CovarianceAfter(after, regimes, has_one_behaviour and is_smooth and not may_jump)
+
+
+def _slides_back(likely: Sequence[_Behaviour]) -> bool:
+    """Whether the mean impact slides, and another one slides in the opposite direction."""
+    first, *others = [one.friction for one in likely if one.regime is Regime.SLIDING] or [Vec3(0.0, 0.0, 0.0)]
+    return likely[0].regime is Regime.SLIDING and any(first.dot(friction) < 0 for friction in others)
 
 
 def _has_jump(likely: Iterable[_Behaviour], *, has_restitution: bool) -> bool:
@@ -160,7 +170,7 @@ def _square_root(covariance: Array | None, size: int) -> Array:
 def _likely_changes(
     linearised: LinearisedImpact, root: Array, deviations: Sequence[float]
 ) -> Iterator[Array]:
-    """Yield changes of the state, restitution, friction and normal by two standard deviations."""
+    """Yield changes of the state, restitution, friction and normal within two standard deviations."""
     (body_a, body_b, contact, _), derivatives = linearised[:2]
     impact, J, columns = derivatives.impact, derivatives.jacobian, derivatives.columns
     restitution_sd, friction_sd, normal_sd = deviations
@@ -203,10 +213,11 @@ def _likely_changes(
         steepest += [*np.linalg.svd(tangential @ by_input @ spread, full_matrices=False)[2][:2]]
     steepest = [_normalised(step) for step in steepest]
     for step in [*np.eye(spread.shape[1]), *steepest]:
-        for sign in (LIKELY_DEVIATIONS, -LIKELY_DEVIATIONS):
-            change = spread @ step * sign
+        for deviation in LIKELY_DEVIATIONS:
+            change = spread @ step * deviation
             if change.any():
                 yield change
+                yield -change
 
 
 def _normalised(v: Array) -> Array:
@@ -217,7 +228,9 @@ def _normalised(v: Array) -> Array:
 
 def _behaviour(impact: Impact, model: ImpactModel) -> _Behaviour:
     is_slow = -impact.normal_velocity_before < model.restitution_threshold
-    return _Behaviour(impact.regime, is_slow, Adjustment.LAW_FALLBACK in impact.adjustments)
+    normal = Vec3(*unit_normal(impact.contact).tolist())
+    friction = impact.impulse - normal * normal.dot(impact.impulse)
+    return _Behaviour(impact.regime, friction, is_slow, Adjustment.LAW_FALLBACK in impact.adjustments)
 
 
 def _behaviour_at(linearised: LinearisedImpact, change: Array) -> _Behaviour:

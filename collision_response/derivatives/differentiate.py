@@ -165,7 +165,7 @@ def differentiate(
     if model.geometry not in (Geometry.AUTO, Geometry.SPATIAL):
         reason = f"must be AUTO or SPATIAL for derivatives, is {model.geometry.name}"
         raise ImpactError(StatusCode.INVALID_MODEL, "model.geometry", reason)
-    # At 0, the derivative by friction is that of the law of contacts with friction.
+    # At 0, the derivative by friction is that of the law of contacts with friction, also in a batch.
     law = law_for(model.law, has_friction=contact.friction > 0 or "contact.friction" in columns)
     for name, body in (("body_a", body_a), ("body_b", body_b)):
         if body.inverse_inertia is not None:
@@ -181,7 +181,7 @@ def differentiate(
     if not _derivatives.differentiate(law, 1, count, True, inputs, directions, jacobian, smoothness):
         reason = "a derivative is beyond float64 or could not be computed"
         raise ImpactError(StatusCode.OUT_OF_RANGE, "result", reason)
-    return Derivatives(impact, jacobian, smoothness, columns)
+    return Derivatives(impact, jacobian, smoothness, dict(columns))
 
 
 def check_coefficients(contact: Contact) -> None:
@@ -247,8 +247,8 @@ def differentiate_batch(
             f"is {directions.shape}"
         )
     inputs = _kernel_inputs(bodies, contacts, model)
-    has_friction = contacts.shape[0] >= TABLE_LAYOUTS[bodies.shape[0]].contacts.height
-    law = law_for(model.law, has_friction=has_friction)
+    has_row = contacts.shape[0] >= TABLE_LAYOUTS[bodies.shape[0]].contacts.height
+    law = law_for(model.law, has_friction=has_row or bool(directions[PARAMETERS["contact.friction"]].any()))
     count, same_for_all = directions.shape[1], directions.ndim == 2
     jacobian, smoothness = np.empty((RESULT_COUNT, count, n)), np.empty((count, n), np.uint8)
     arrays = np.ascontiguousarray(inputs), np.ascontiguousarray(directions), jacobian, smoothness

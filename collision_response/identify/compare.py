@@ -16,6 +16,9 @@ from .measurements import Measurements, informative
 
 RESAMPLES = 4000
 
+ROUNDED = 1e-6
+"""An excess up to this is no difference: COMPLIANT and friction in space are computed to 1e-9 or so."""
+
 
 class Excess(NamedTuple):
     """Relative excess of a law's sum of squares over that of the best law, both with outliers reduced.
@@ -67,8 +70,8 @@ def compare(
     """Fit several laws to the same impacts, and find out which ones the impacts distinguish.
 
     The interval of an excess comes from a bootstrap over the impacts, in which each law keeps the
-    coefficients that fit all impacts. If it reaches down to 0, the impacts do not distinguish the law from
-    the best one.
+    coefficients that fit all impacts. If it reaches down to 0, but for rounding, the impacts do not
+    distinguish the law from the best one.
 
     Args:
         measured: the impacts, as for :func:`~collision_response.identify.identify`.
@@ -104,4 +107,4 @@ def compare(
         ratios = costs[law][draws].sum(axis=1) / least[draws].sum(axis=1)
         low, high = map(float, np.percentile(ratios - 1, (2.5, 97.5)))
         excess[law] = Excess(float(costs[law].sum() / least.sum() - 1), low, high)
-    return Comparison(fits, excess, (best, *(law for law in others if excess[law].low <= 0)))
+    return Comparison(fits, excess, (best, *(law for law in others if excess[law].low <= ROUNDED)))

@@ -42,7 +42,8 @@ class Estimate(NamedTuple):
     Attributes:
         value: the best fit; NaN if the impacts do not determine the coefficient.
         low, high: 95 % interval of the bootstrap, and the values that fit as well where another coefficient
-            is not determined; if ``value`` is NaN, the range of values that the impacts do not rule out.
+            is not determined; if ``value`` is NaN, the limits of the values that the impacts do not rule out.
+            Not all values between these need to fit.
         formal: standard deviation according to least squares; far too small if the normals are noisy.
             Infinite if ``value`` is NaN.
     """
@@ -58,7 +59,7 @@ class Estimate(NamedTuple):
                 f"= {self.value:.4g}  [{self.low:.4g}, {self.high:.4g}]  (formal ± {1.96 * self.formal:.2g})"
             )
         if self.high == math.inf and self.low > 0:
-            return f">= {self.low:.4g}: the impacts stick, so only this lower bound is known"
+            return f">= {self.low:.4g}: these impacts tell only a lower bound"
         return f"in [{self.low:.4g}, {self.high:.4g}]: not determined by these impacts"
 
 
