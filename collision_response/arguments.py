@@ -40,6 +40,17 @@ def real_number(field: str, value: Any) -> Any:
     return number
 
 
+def number_in(text: str) -> float:
+    """Return the number that a text says.
+
+    Raises:
+        ValueError: if it is no number as files of data have it. Python's own ``1_0`` is none.
+    """
+    if "_" in text or not text.isascii():
+        raise ValueError(text)
+    return float(text)
+
+
 def is_finite(number: Any) -> bool:
     """Whether a real number is finite, and within the range of float64."""
     try:

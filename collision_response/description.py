@@ -22,6 +22,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from .arguments import number_in
 from .physics.mass_properties import MassProperties
 from .physics.orientation import Quaternion
 from .physics.tensor import Symmetric3
@@ -374,7 +375,7 @@ def _tensor(numbers: Any, moment: float, where: str) -> Any:
 
 def _numbers(text: str | None, count: int, what: str) -> list[float]:
     try:
-        numbers = [float(word) for word in (text or "").split()]
+        numbers = list(map(number_in, (text or "").split()))
     except ValueError:
         numbers = []
     if len(numbers) != count or not all(map(math.isfinite, numbers)):

@@ -32,7 +32,7 @@ def make_parser() -> argparse.ArgumentParser:
     several: dict[str, Any] = {"nargs": "+", "action": "extend", "default": []}
     pairs: dict[str, Any] = {**several, "metavar": "NAME=VALUE"}
     add("file", type=Path, help="CSV, its columns explained below; or a recording, .rrd")
-    add("--law", choices=LAWS_BY_NAME, default="coulomb", help="default: coulomb")
+    add("--law", choices=LAWS_BY_NAME, help="default: coulomb")
     add("--compare", action="store_true", help="fit all laws, and say which the impacts distinguish")
     add("--fit", metavar="NAME", help=", ".join(SEARCH_RANGES), **several)
     add("--given", help="coefficients that are known: they are not fitted", type=_number, **pairs)
@@ -45,10 +45,9 @@ def make_parser() -> argparse.ArgumentParser:
     add(
         "--within",
         type=float,
-        default=0.05,
         metavar="SECONDS",
         help="for a recording: a state received within this time after an impact is the measurement; "
-        "0: the node's answer is",
+        f"0: the node's answer is; default: {WITHIN}",
     )
     add = parser.add_argument_group("readings of a sphere").add_argument
     add("--speed", type=float, help="speed before the impact [m/s]")
@@ -62,9 +61,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Fit the coefficients, print and draw the result, and return the exit status."""
     parser = make_parser()
     arguments = parser.parse_args(argv)
-    if arguments.compare and arguments.plot:
-        parser.error("--plot draws one law: not with --compare")
-    law = LAWS_BY_NAME[arguments.law]
+    if arguments.compare and (arguments.plot or arguments.law):
+        parser.error("--compare is for all laws: not with --plot or --law, which are for one")
+    law = LAWS_BY_NAME[arguments.law or "coulomb"]
     options = {"kind": arguments.residuals, "loss": arguments.loss, "resamples": arguments.resamples}
     try:
         given = _by_name("--given", arguments.given)
@@ -85,6 +84,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
+WITHIN = 0.05
+"""Default of ``--within`` [s]."""
+
 EXPECTED_ERRORS = ImpactError, ImportError, OSError, ValueError
 
 
@@ -101,11 +103,19 @@ def _failed(file: object, error: Exception) -> int:
 
 def read(arguments: argparse.Namespace) -> Measurements:
     """Read the file of impacts that the command line names. Raises ``EXPECTED_ERRORS``."""
+    of_readings = [
+        name for name in ("speed", "radius", "errors") if getattr(arguments, name) not in (None, [])
+    ]
     if arguments.file.suffix == ".rrd":
         from .from_recording import read_impacts
 
-        return read_impacts(arguments.file, arguments.within)
+        _refuse_options("a table, not for a recording", ["set"] * bool(arguments.set) + of_readings)
+        return read_impacts(arguments.file, WITHIN if arguments.within is None else arguments.within)
+    _refuse_options("a recording, not for a table", ["within"] * (arguments.within is not None))
     rows, unused = from_table.read_rows(arguments.file, _by_name("--set", arguments.set))
+    if "incidence" not in rows[0]:
+        _refuse_options("readings of a sphere: there is no column incidence", of_readings)
+    unused += from_table.unused_columns(rows[0])
     if unused:
         print(f"{arguments.file}: columns that are left out: {', '.join(unused)}", file=sys.stderr)
     if "incidence" not in rows[0]:
@@ -114,6 +124,11 @@ def read(arguments: argparse.Namespace) -> Measurements:
         raise ValueError("readings of a sphere need --speed, --radius and --errors")
     errors = _by_name("--errors", arguments.errors)
     return from_table.readings_from_rows(rows, arguments.speed, arguments.radius, errors)
+
+
+def _refuse_options(what_for: str, given: Sequence[str]) -> None:
+    if given:
+        raise ValueError(f"--{', --'.join(given)}: for {what_for}")
 
 
 def _by_name(option: str, pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:

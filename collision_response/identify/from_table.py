@@ -19,6 +19,7 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from ..arguments import number_in
 from ..body_conversions import body_from_numbers
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
@@ -47,8 +48,8 @@ def read_rows(path: Path, more: Mapping[str, str]) -> tuple[list[dict[str, float
 
     Raises:
         ImpactError: INVALID_TABLE if the file is not text, a cell is not a number or is too long, a needed
-            column appears twice, a row has more cells than there are columns, there are no rows, or ``more``
-            has an unknown column.
+            column appears twice, a row has more or fewer cells than there are columns, there are no rows, or
+            ``more`` has an unknown column.
     """
     for name in more:
         if name not in KNOWN:
@@ -76,8 +77,10 @@ def _cells(path: Path, needed: set[str]) -> tuple[list[dict[str, str]], list[str
             raise ImpactError(StatusCode.INVALID_TABLE, f"line {reader.line_num}", str(error)) from None
     for i, row in enumerate(rows):
         beyond = row.pop(None, [])
-        if any(map(str.strip, beyond)):
-            reason = f"must have {len(names)} cells, as there are columns; has {len(names) + len(beyond)}"
+        count = sum(cell is not None for cell in row.values())
+        count += len(beyond) if any(map(str.strip, beyond)) else 0
+        if count != len(row):
+            reason = f"must have {len(row)} cells, as there are columns; has {count}"
             raise ImpactError(StatusCode.INVALID_TABLE, f"rows[{i}]", reason)
     for name in names:
         if name in needed and names.count(name) > 1:
@@ -89,7 +92,7 @@ def _cells(path: Path, needed: set[str]) -> tuple[list[dict[str, str]], list[str
 
 def _number(field: str, cell: str | None) -> float:
     try:
-        return float(cell) if cell and not cell.isspace() else math.nan
+        return number_in(cell) if cell and not cell.isspace() else math.nan
     except ValueError:
         raise ImpactError(StatusCode.INVALID_TABLE, field, f"must be a number, is {cell!r}") from None
 
@@ -121,6 +124,14 @@ def readings_from_rows(
         if name in rows[0]
     }
     return SphereReadings(speed, radius, tables, errors)
+
+
+def unused_columns(row: Row) -> list[str]:
+    """Return the known columns of a table that are not used because of others."""
+    if "incidence" in row:
+        return [name for name in row if name not in ("incidence", *SphereReadings.QUANTITIES)]
+    has_point = any(name in row for name in POINT)
+    return [name for name in row if name in SphereReadings.QUANTITIES or (has_point and name in ARM)]
 
 
 def _require_columns(row: Row, *groups: Sequence[str]) -> None:

@@ -24,8 +24,10 @@ def draw(found: Identification, measured: Measurements, path: Path) -> None:
     Raises:
         ImportError: if matplotlib is not installed.
         OSError: if the file cannot be written.
-        ValueError: if matplotlib does not know the format.
+        ValueError: if there is no suffix, or matplotlib does not know its format.
     """
+    if not path.suffix or path.is_dir():
+        raise ValueError("must be the name of a file that ends in .png, .svg or .pdf")
     try:
         from matplotlib.figure import Figure
     except ModuleNotFoundError:
