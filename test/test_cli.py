@@ -247,6 +247,11 @@ class TestCall:
         assert call(BOUNCE.replace("name: ball", "name: b\u00e4ll"))[::2] == (0, "")
         assert rb"b\xe4ll " in written.getvalue()
 
+    def test_a_name_cannot_colour_the_terminal_or_break_the_table(self, call):
+        code, said, _ = call(BOUNCE.replace("name: ball", r'name: "\e[31mb\na"'))
+        assert (code, len(said.splitlines())) == (0, 2 + len(BOUNCED))
+        assert r"\x1b[31mb\na" in said and "\x1b" not in said
+
     @pytest.mark.parametrize("unbuffered", ["", "1"])
     def test_a_closed_pipe_ends_it_quietly(self, shared_node, unbuffered, closed_pipe):
         words = "call", BOUNCE, "--service", shared_node.service

@@ -238,6 +238,7 @@ class TestRotation:
         self, tmp_path, monkeypatch, limit
     ):
         (tmp_path / "a_002.rrd").touch()  # a file of another program
+        (tmp_path / "a_003.rrd").symlink_to("nowhere")
         opened, problems, rotated, count = [], [], threading.Event(), 0
         sizes = defaultdict(list)  # before each batch
 
@@ -260,7 +261,7 @@ class TestRotation:
             recorder.add(impact(count))
         recorder.close()
         assert problems == []
-        assert [path.name for path in opened[:4]] == ["a.rrd", "a_001.rrd", "a_003.rrd", "a_004.rrd"]
+        assert [path.name for path in opened[:4]] == ["a.rrd", "a_001.rrd", "a_004.rrd", "a_005.rrd"]
         assert sorted(opened) == opened
         assert recorder.path == opened[-1]
         assert (tmp_path / "a_002.rrd").stat().st_size == 0

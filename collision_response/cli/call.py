@@ -227,7 +227,7 @@ def answer(kind: Any, request: Any, service: str, timeout: float) -> Any:
 
 def _of_impact(response: Any) -> str:
     result = _valid(response)
-    names = result.contact.body_a or "body_a", result.contact.body_b or "body_b"
+    names = _quoted(result.contact.body_a) or "body_a", _quoted(result.contact.body_b) or "body_b"
     return "\n".join(filter(None, [format_impact(result, names), result.status.message]))
 
 
@@ -259,6 +259,11 @@ def _valid(response: Any) -> Any:
         return response.result
     status = response.result.status
     raise error_from(status.code, status.message)
+
+
+def _quoted(name: str) -> str:
+    """Write a name so that it does nothing to a terminal."""
+    return name if name.isprintable() else repr(name)[1:-1]
 
 
 def _row(numbers: Any) -> str:

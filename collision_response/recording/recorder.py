@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import queue
 import sys
 import threading
@@ -223,7 +224,7 @@ class Recorder:
         while True:
             self._number += 1
             path = self._first.with_stem(f"{self._first.stem}_{self._number:03d}")
-            if not path.exists():
+            if not os.path.lexists(path):  # also not as a link to nowhere
                 return path
 
     def _batches(self) -> Iterator[list[Entry]]:
