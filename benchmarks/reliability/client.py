@@ -120,6 +120,11 @@ class Client:
         """Whether all services that it calls exist."""
         return all(client.service_is_ready() for client in self._clients.values())
 
+    def destroy(self, node: Any) -> None:
+        """Leave without reading any answer."""
+        for client in self._clients.values():
+            node.destroy_client(client)
+
     def ask(self) -> bool:
         """Send a request. Return ``False`` if the middleware does not accept one at the moment."""
         from rclpy._rclpy_pybind11 import RCLError

@@ -168,6 +168,14 @@ def stop(
     return report.asked, report.answered
 
 
+def leave_at_once(stage: Stage, number: int) -> tuple[int, int]:
+    """The same for many clients, one after the other, that leave before the node can see them."""
+    with closing(stage.child("leaving_clients", number=number, pause=0.01)) as clients:
+        stage.start(clients)
+        report = clients.report()
+    return report.asked, report.answered
+
+
 def apart(stage: Stage, fault: Callable[[Stage, int], tuple[int, int]]) -> Row:
     node, other = started(stage), steady(stage)
     stage.start(other)
@@ -227,6 +235,7 @@ CASES: dict[str, Callable[[Stage], Row]] = {
     ),
     "60 clients that call as soon as they see the service": newcomers,
     "a client leaves with 500 pending": partial(apart, fault=leave),
+    "500 clients send a request and leave at once": partial(apart, fault=leave_at_once),
     "a client is killed with 500 pending": partial(apart, fault=kill),
     "a client is stopped for 5 s with 3000 pending": partial(stopped_client, seconds=5.0),
     "a client is stopped for 40 s with 3000 pending": partial(stopped_client, seconds=40.0),
