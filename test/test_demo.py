@@ -12,7 +12,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from collision_response.demo import simultaneous
-from collision_response.demo.scene import EnergyBalance
+from collision_response.demo.simulation import EnergyBalance
 from collision_response.demo.time_of_impact import TOUCH_GAP, until_spheres_touch, until_touch
 from collision_response.physics.body import Body
 from collision_response.physics.laws import Law

@@ -16,7 +16,7 @@ from ..physics.contact import Contact
 from ..physics.energy import kinetic_energy
 from ..physics.vector import Vec3
 from ..ros.convert import twist_of
-from .scene import FRAMES, Collision, EnergyBalance, Resolve, Show
+from .simulation import FRAMES, Collision, EnergyBalance, Resolve, Show
 from .time_of_impact import until_spheres_touch
 
 RADIUS, MASS = 0.028575, 0.17
@@ -74,7 +74,7 @@ class Break:
         self.energy = EnergyBalance(self._kinetic_energy())
 
     def run(self, resolve: Resolve, show: Show, duration: float) -> None:
-        """Play the scene."""
+        """Play the break."""
         frame = 0
         while self.time < duration:
             wait, name_a, name_b = self._next()

@@ -21,7 +21,7 @@ from ..ros.scene_client import pack
 from ..srv import ResolveCollision
 from .billiards import Break, cushion_bodies, rack
 from .client import Client, header_at
-from .scene import FRAMES, Collision, EnergyBalance
+from .simulation import FRAMES, Collision, EnergyBalance
 from .simultaneous import (
     ContactScene,
     cradle,
@@ -133,22 +133,22 @@ class Stage:
 
 def break_shot(client: Client, begin: int) -> Iterator[str]:
     """Play a break shot."""
-    scene = Break(rack())
+    simulation = Break(rack())
     stage = Stage(client, begin, cushion_bodies())
     print(f"2. A break shot: 16 balls, 4 cushions, {BREAK_DURATION:g} s. This process finds each contact,")
     print("   and the node resolves it. Requests contain the balls, and give the cushions by name.\n")
     start = time.monotonic()
-    scene.run(stage.resolve, stage.show, BREAK_DURATION)
+    simulation.run(stage.resolve, stage.show, BREAK_DURATION)
     took = time.monotonic() - start
-    rate = scene.impacts / took
-    print(f"   impacts             {scene.impacts:9d}     in {took:.2f} s: {rate:.0f} per second")
+    rate = simulation.impacts / took
+    print(f"   impacts             {simulation.impacts:9d}     in {took:.2f} s: {rate:.0f} per second")
     print(f"   states published    {stage.published:9d}     between them")
-    yield from _check("break shot", scene.energy)
+    yield from _check("break shot", simulation.energy)
 
 
 def tumbling_rod(client: Client, begin: int) -> Iterator[str]:
     """Drop a rod on a rough floor."""
-    scene = TumblingRod(ROD_FALLS_AT)
+    simulation = TumblingRod(ROD_FALLS_AT)
     stage = Stage(client, begin, {"floor": Body.static(ROD_FALLS_AT)})
     print(
         f"3. A rod of 1 m falls {FALL:g} m onto a rough floor (e = 0.9, mu = 0.3) and tumbles. Engines that"
@@ -156,7 +156,7 @@ def tumbling_rod(client: Client, begin: int) -> Iterator[str]:
     print("   apply friction at the end of an impact create energy in its first impact.\n")
     print(f"   {'time [s]':>8} {'angle [deg]':>11}  {'regime':8} {'lost to friction':>16}", end="")
     print(f" {'to restitution':>14} {'energy [J]':>10} {'spin [rad/s]':>15}")
-    for bounce in scene.run(stage.resolve, stage.show, BOUNCES):
+    for bounce in simulation.run(stage.resolve, stage.show, BOUNCES):
         answer, regime = bounce.answer, Regime(bounce.answer.regime).name.lower()
         print(
             f"   {bounce.time:8.4f} {math.degrees(bounce.angle):11.1f}  {regime:8}"
@@ -164,7 +164,7 @@ def tumbling_rod(client: Client, begin: int) -> Iterator[str]:
             f" {bounce.energy:10.6f} {bounce.spin:15.4f}"
         )
     print()
-    yield from _check("tumbling rod", scene.energy)
+    yield from _check("tumbling rod", simulation.energy)
 
 
 def simultaneous_contacts(client: Client, begin: int) -> Iterator[str]:
@@ -261,8 +261,8 @@ RECORDED: tuple[tuple[Chapter, float], ...] = (
 """The chapters that are recorded, with the durations of their scenes [s]."""
 
 
-def _check(scene: str, balance: EnergyBalance) -> Iterator[str]:
-    """Print the energy balance of a scene; yield a message for each error."""
+def _check(name: str, balance: EnergyBalance) -> Iterator[str]:
+    """Print the energy balance of a simulation; yield a message for each error."""
     print(f"   energy at the start {balance.initial:9.6f} J")
     print(f"   lost to restitution {balance.lost_restitution:9.6f} J")
     print(f"   lost to friction    {balance.lost_friction:9.6f} J")
@@ -270,6 +270,6 @@ def _check(scene: str, balance: EnergyBalance) -> Iterator[str]:
     error = f"the balance is correct to {balance.error():.1e}"
     print(f"   energy at the end   {balance.current:9.6f} J   it {rise}; {error}\n")
     if not balance.error() <= DIFFERENCE:
-        yield f"{scene}: the energy balance has a relative error of {balance.error():.1e}"
+        yield f"{name}: the energy balance has a relative error of {balance.error():.1e}"
     if not balance.relative_rise() <= DIFFERENCE:
-        yield f"{scene}: the energy rises by {balance.largest_rise:.1e} J"
+        yield f"{name}: the energy rises by {balance.largest_rise:.1e} J"

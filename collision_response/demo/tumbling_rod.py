@@ -17,7 +17,7 @@ from ..physics.energy import kinetic_energy
 from ..physics.orientation import Quaternion
 from ..physics.vector import Vec3
 from ..ros.convert import twist_of
-from .scene import FRAMES, Collision, EnergyBalance, Resolve, Show
+from .simulation import FRAMES, Collision, EnergyBalance, Resolve, Show
 from .time_of_impact import until_touch
 
 GRAVITY = 9.81

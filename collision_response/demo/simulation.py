@@ -1,4 +1,4 @@
-"""What the moving scenes share. They find their contacts themselves, and the caller resolves them."""
+"""What the simulations share. They find their contacts themselves, and the caller resolves them."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from ..physics.body import Body
 from ..physics.contact import Contact
 
 FRAMES = 20
-"""Number of times that a scene shows its bodies, per second of its own time."""
+"""Number of times that a simulation shows its bodies, per second of its own time."""
 
 
 class Collision(NamedTuple):
-    """Two bodies in contact, just before the impact, at a time of the scene [s].
+    """Two bodies in contact, just before the impact, at a time of the simulation [s].
 
     ``body_b`` is ``None`` if it is static and known to the node by its name.
     """
@@ -31,7 +31,7 @@ Resolve = Callable[[Collision], Any]
 """Returns the ``CollisionResult``."""
 
 Show = Callable[[float, Mapping[str, Body]], None]
-"""Called with the time of the scene [s] and the bodies by name."""
+"""Called with the time of the simulation [s] and the bodies by name."""
 
 
 @dataclass
