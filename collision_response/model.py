@@ -183,6 +183,16 @@ def integrates_in_steps(model: ImpactModel) -> bool:
     return model.law in STEPPED or (model.law in PATHS and model.geometry is Geometry.SPATIAL)
 
 
+def in_finest_steps(model: ImpactModel) -> ImpactModel | None:
+    """Return a model without AUTO with the finest path, if that is finer than for its own tolerance.
+
+    A tolerance also makes the steps of a path coarser. Where errors grow, its bound may then miss it.
+    """
+    if not (integrates_in_steps(model) and model.tolerance > FINEST_TOLERANCE):
+        return None
+    return model._replace(tolerance=FINEST_TOLERANCE)
+
+
 def settled_bound(model: ImpactModel) -> float:
     """Return the error bound below which more digits change nothing, for a model without AUTO; mostly 0.
 
@@ -216,6 +226,9 @@ LEAST_DOUBLE_BOUND = 2.0**-48
 
 USEFUL_BOUND = 2.0**-20
 """An error bound above this says little, so AUTO tries a better precision."""
+
+FINEST_TOLERANCE = 1e-11
+"""Smaller tolerances do not make the steps of a path finer."""
 
 LARGEST_BOUND = math.nextafter(math.inf, 0.0)
 """The largest finite error bound."""

@@ -35,6 +35,7 @@ from .model import (
     ImpactModel,
     Precision,
     bound_limit,
+    in_finest_steps,
     law_for,
     plan_model,
     settled_bound,
@@ -121,11 +122,29 @@ def _resolve_more_exactly(
             raise library.refusal(StatusCode.OUT_OF_RANGE)
         reason = f"{model.precision.name} leaves no digit of the answer: ask for AUTO or EXTENDED"
         raise ImpactError(StatusCode.OUT_OF_RANGE, "model.precision", reason)
-    if answer.error_bound <= plan.bound_limit:
-        # The kernels aimed at plan.target_bound, which may be lower.
-        is_separating = answer.regime is Regime.SEPARATING
-        return answer._replace(status=StatusCode.SEPARATING if is_separating else StatusCode.OK)
-    return answer
+    if not answer.error_bound <= plan.bound_limit:
+        answer = _with_finest_steps(body_a, body_b, contact, model.precision, answer)
+    if not answer.error_bound <= plan.bound_limit:
+        return answer._replace(status=StatusCode.TOLERANCE_NOT_MET)
+    # The kernels aimed at plan.target_bound, which may be lower.
+    is_separating = answer.regime is Regime.SEPARATING
+    return answer._replace(status=StatusCode.SEPARATING if is_separating else StatusCode.OK)
+
+
+def _with_finest_steps(
+    body_a: Body, body_b: Body, contact: Contact, precision: Precision, answer: Impact
+) -> Impact:
+    """Return the answer with the finest steps of a path, if its bound is lower."""
+    finest = in_finest_steps(answer.model)
+    if finest is None:
+        return answer
+    try:
+        finer = resolve(body_a, body_b, contact, finest._replace(precision=precision))
+    except ImpactError:  # PATH_TOO_LONG: these are too many steps
+        return answer
+    if not finer.error_bound < answer.error_bound:
+        return answer
+    return finer._replace(model=finer.model._replace(tolerance=answer.model.tolerance))
 
 
 def _resolve_with_threshold_decided(

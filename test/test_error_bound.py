@@ -17,6 +17,7 @@ pytest.importorskip("flint")
 pytest.importorskip("mpmath")
 
 import extremes
+from batch_cases import batch_of
 from collisions import CLOSED_FORM_LAWS, PATH_LAWS, Collision, random_collision
 from exact import impulse_error
 from exact_adapter import exact_answer, true_error
@@ -36,6 +37,7 @@ from collision_response import (
     StatusCode,
     resolve,
 )
+from collision_response.batch import resolve_batch
 from collision_response.model import LARGEST_BOUND, USEFUL_BOUND
 from collision_response.physics.effective_mass import ContactKinematics
 from collision_response.physics.mass_properties import sphere
@@ -251,6 +253,40 @@ def test_a_tolerance_that_no_path_meets_is_reported():
     impact = collision.resolve(Law.ROUTH_STRONGE, tolerance=1e-15)
     assert impact.status is StatusCode.TOLERANCE_NOT_MET
     assert error_of(collision, impact) <= impact.error_bound
+
+
+def slender_boxes(length: float) -> list[Collision]:
+    """Boxes that are so many times as long as wide, and strike a wall somehow."""
+    draw, collisions = random.Random(int(length)), []
+    for _ in range(8):
+        arm = [draw.uniform(-0.5, 0.5), draw.uniform(-0.5, 0.5), length * draw.uniform(-0.5, 0.5)]
+        velocity = [draw.uniform(-1, 1), draw.uniform(-1, 1), -draw.uniform(0.2, 1)]
+        turn, spin = ([draw.gauss(0, 1) for _ in range(n)] for n in (4, 3))
+        box = Body.box(
+            1.0, (1, 1, length), position=arm, orientation=turn, velocity=velocity, angular_velocity=spin
+        )
+        normal = (draw.uniform(-0.3, 0.3), 0.0, 1.0)
+        collisions.append(Collision(box, Body.static(), Contact.of((0, 0, 0), normal, 0.5, 0.4)))
+    return collisions
+
+
+@pytest.mark.parametrize("law", [*PATH_LAWS, Law.COMPLIANT], ids=lambda law: law.name)
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
+@pytest.mark.parametrize("length", [3.0, 30.0, 100.0])
+def test_a_tolerance_costs_no_answer_that_meets_it_without(law, tolerance, length):
+    """A tolerance makes the steps of a path coarser, and slender bodies multiply their errors. The rows of a
+    batch are the same.
+    """
+    collisions, model = slender_boxes(length), ImpactModel(law, tolerance=tolerance)
+    batch = resolve_batch(*batch_of(collisions), model)
+    for i, collision in enumerate(collisions):
+        answer, plain = resolve(*collision, model), resolve(*collision, ImpactModel(law))
+        is_met = answer.status is not StatusCode.TOLERANCE_NOT_MET
+        assert is_met or plain.error_bound > tolerance
+        assert is_met == (answer.error_bound <= tolerance)
+        assert answer.model.tolerance == tolerance
+        assert (batch.status[i], batch.error_bound[i]) == (answer.status, answer.error_bound)
+        assert tuple(batch.impulse[:, i]) == answer.impulse
 
 
 @pytest.mark.parametrize("law", PATH_LAWS, ids=lambda law: law.name)

@@ -34,7 +34,7 @@ import numpy as np
 from ..arguments import check_count
 from ..kernels import library
 from ..kernels.protocol import NumberType
-from ..model import DEFAULT, LARGEST_BOUND, ImpactModel, Precision, settled_bound
+from ..model import DEFAULT, LARGEST_BOUND, ImpactModel, Precision, in_finest_steps, settled_bound
 from ..status import StatusCode, format_value
 from .arrays import Array, as_numpy, converter_like, is_lazy, library_of
 from .dask_arrays import resolve_lazily
@@ -194,8 +194,24 @@ def _refine(
     columns = columns[~(out.error_bound[columns] < settled_bound(model))]
     if columns.size:
         yield from resolve_one_by_one(request.select(columns), out, columns)
+    yield from _follow_finest_steps(request, out, workers)
     has_answer = (out.status == StatusCode.OK) | (out.status == StatusCode.SEPARATING)
     out.status[has_answer & ~(out.error_bound <= plan.bound_limit)] = StatusCode.TOLERANCE_NOT_MET
+
+
+def _follow_finest_steps(request: BatchRequest, out: BatchResult, workers: int) -> Iterator[None]:
+    """Follow paths again in the finest steps, where that lowers an error bound that is too large."""
+    finest = in_finest_steps(request.plan.model)
+    columns = _inexact(out, request.plan.model_plan.bound_limit)
+    if finest is None or not columns.size:
+        return
+    again = request.select(columns)
+    again = BatchRequest.of(again.bodies, again.contacts, finest, None)
+    finer = out.mapped(lambda array: np.empty((*array.shape[:-1], columns.size), array.dtype))
+    yield from resolve_with_pauses(again, finer, workers)
+    better = finer.error_bound < out.error_bound[columns]
+    finer.status[:] = out.status[columns]  # whether the bodies separate does not depend on the steps
+    _copy(finer.mapped(lambda array: array[..., better]), out, columns[better])
 
 
 def _compute_extended(request: BatchRequest, out: BatchResult, columns: Array, workers: int) -> Array:
