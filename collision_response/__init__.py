@@ -7,7 +7,7 @@
     1.0
 
 The package needs only NumPy. The node in :mod:`collision_response.ros` also needs ROS, recordings need rerun,
-and results of precision EXTENDED that take more than the kernels' digits need python-flint.
+and results of precision EXTENDED that take more than 32 digits need python-flint.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The numbers by which Python and the compiled kernels refer to things, other than requests and answers."""
+"""Budgets, reasons and flags that Python and the compiled kernels share."""
 
 from enum import IntEnum
 

@@ -73,7 +73,7 @@ DECLARATIONS = (
     fixed(
         "max_bodies",
         10_000,
-        "Number of body states to keep, and as many from tables. "
+        "Number of body states to keep, and as many again from BodyStates tables. "
         "Beyond, the least recently updated are dropped.",
         1,
         10**6,
@@ -81,7 +81,7 @@ DECLARATIONS = (
     Declaration(
         "max_state_age",
         0.0,
-        "Longest time [s] between the contact and the state of a body given by name. 0: no limit.",
+        "Longest time [s] from a contact to the state of a body by name, else STALE_STATE. 0: no limit.",
     ),
     Declaration(
         "max_state_wait",
@@ -90,9 +90,11 @@ DECLARATIONS = (
         most=60.0,
     ),
     Declaration(
-        "restitution", 1.0, "Restitution where neither the contact nor both bodies give one.", most=1.0
+        "restitution", 1.0, "Restitution where no contact, material or pair of bodies gives one.", most=1.0
     ),
-    Declaration("friction", 0.0, "Friction where neither the contact nor both bodies give one.", most=1000.0),
+    Declaration(
+        "friction", 0.0, "Friction where no contact, material or pair of bodies gives one.", most=1000.0
+    ),
     Declaration("combine_restitution", "average", "How the restitutions of two bodies are combined."),
     Declaration("combine_friction", "average", "How the frictions of two bodies are combined."),
     fixed(
@@ -124,12 +126,18 @@ DECLARATIONS = (
     fixed(
         "scene_tolerance",
         0.0,
-        "Log the simplest model that meets this tolerance for all impacts so far, when it changes. 0: off.",
+        "Log the simplest model with which all of ~/resolve_collision so far meets this tolerance. 0: off.",
     ),
     Declaration("budget.contacts", 200_000, "Greatest number of contacts in one batch.", 1, 10**9),
     Declaration("budget.scene_contacts", 256, "Greatest number of contacts in one scene.", 1, 4096),
     Declaration("budget.time", 60.0, "Longest computing time [s] of one request. 0: no limit."),
-    fixed("memory_limit", 2048, "Memory [MiB] that the process may use. 0: no limit.", 0, 10**9),
+    fixed(
+        "memory_limit",
+        2048,
+        "Memory [MiB] of the process; what needs more is refused, or does not reach the node. 0: no limit.",
+        0,
+        10**9,
+    ),
     Declaration(
         "shutdown_timeout",
         5.0,

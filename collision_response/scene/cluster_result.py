@@ -1,4 +1,4 @@
-"""What a law finds for one cluster, and the part of the answer for the scene that this is."""
+"""What a law finds for one cluster, and what that is of the answer for the scene."""
 
 from __future__ import annotations
 

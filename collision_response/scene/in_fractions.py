@@ -1,8 +1,8 @@
 """A law for one cluster in fractions: for rational scenes, and for what the kernels leave undecided.
 
 A cluster is left undecided in four cases, which ``kernels/scene/resolve_cluster.hpp`` describes: contacts
-lock; it is uncertain whether a contact approaches, or whether one reaches the threshold of reflections; or
-the error bound is too large to be useful without friction, too. In clusters of at most ``RATIONAL_CONTACTS``
+lock; it is uncertain whether a contact approaches, or whether one reaches the threshold of reflections; or,
+even without friction, the error bound is too large to be useful. In clusters of at most ``RATIONAL_CONTACTS``
 contacts, fractions then find the impulses without friction; the kernels compute friction, and what the
 impulses do.
 """

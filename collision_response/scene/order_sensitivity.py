@@ -1,8 +1,8 @@
 """How much the answer depends on the order if contacts are resolved one after another, as game engines do.
 
 In each order the approaching contacts are resolved one by one, again and again, until none approaches. Where
-the answers of several orders differ, as for a box that lands flat, the answer for all contacts at once is a
-matter of modelling. Where they agree, as for two balls that strike one wall, it is not.
+the answers of several orders differ, as for a box that lands flat, no order is right, and the contacts must
+be resolved at once. Where they agree, as for two balls that strike one wall, this does not matter.
 """
 
 from __future__ import annotations

@@ -55,8 +55,8 @@ inline int adjustments_of(const Cluster& cluster, const ClusterResult& result) {
 // * Contacts that press on each other without end, such as a ball between two walls, are locked: no velocity separates
 //   all of them. Fractions decide what happens. If the cluster is too large for them, it does not rebound, and its
 //   error has no bound.
-// * Double-double may be too coarse to tell whether a contact approaches, or reaches the threshold of reflections; or the
-//   error bound may be too large to be useful without friction, too. Fractions help there too, if the cluster is small.
+// * Double-double may be too coarse to tell whether a contact approaches, or reaches the threshold of reflections; or, even
+//   without friction, the error bound may be too large to be useful. Fractions help there too, if the cluster is small.
 // * MOREAU may have no solution, or one that creates energy. Then COULOMB answers, or FRICTIONLESS if there is no
 //   friction.
 //
