@@ -12,7 +12,7 @@ What a call from Python runs, through ``library.py``, whose types are in ``_comp
     module.cpp                 the module: its functions, and the Python objects that they use
     resolve.cpp                one impact: reads the request, calls a kernel, makes the answer
     resolve_batch.cpp          arrays of independent contacts
-    resolve_scene.cpp          several contacts at once; the computation is in scene/
+    resolve_scene.cpp          several contacts at once, see below
     cluster_object.cpp         clusters for the laws of collision_response/scene/
     derivatives.cpp            derivatives of many impacts, a module of its own
 
@@ -20,5 +20,15 @@ What a call from Python runs, through ``library.py``, whose types are in ``_comp
     units.hpp                  units in which numbers are in the middle of the range of floats
     suitable_units.hpp         tries these where numbers leave the range
     answer_bound.hpp           makes one error bound of the errors of all numbers
-    protocol.py                the numbers by which Python and C++ refer to things
+    protocol.py                budgets, reasons and flags that Python and C++ share
+
+Several contacts at once, in ``scene/``::
+
+    resolve_cluster.cpp        one cluster: applies a law, with its fallbacks; laws.hpp lists the laws
+    assembly.hpp               its bodies and contacts, and what impulses do to them
+    reflections.cpp            FRICTIONLESS, by the projections of projection.cpp
+    coulomb.cpp                COULOMB, by the programme of cones.hpp
+    moreau.cpp, stronge.cpp    MOREAU and ROUTH_STRONGE, the latter along a path
+    least_norm.cpp             how contacts share a load; shared_loads.cpp: which of them carry it
+    effect.cpp                 the answer: twists, energies, and the bound on their error
 """

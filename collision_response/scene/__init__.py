@@ -13,7 +13,7 @@ From the request to its answer:
         in_fractions.py   - a law in fractions, for rational scenes and for what the kernels leave undecided
     cluster_result.py     the result of a law, and the part of the answer for the scene that it is
     answer.py             the answer for the scene
-    order_sensitivity.py  how much the answer depends on the order of impacts, if asked for
+    order_sensitivity.py  how much an order of impacts would change, if asked for; no law has an order
 
 Each law has its derivation and its sources at the head of one file: FRICTIONLESS in ``reflections.py``,
 the others in ``coulomb.cpp``, ``moreau.cpp`` and ``stronge.cpp`` of ``kernels/scene/``.

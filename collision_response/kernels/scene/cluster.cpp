@@ -1,3 +1,4 @@
+// Assemble a cluster from its numbers.
 #include "cluster.hpp"
 
 #include "../check.hpp"

@@ -1,3 +1,4 @@
+// What impulses do to the bodies and the contacts of a cluster: the answer, with the bound on its error.
 #include "effect.hpp"
 
 #include "contact_cones.hpp"

@@ -1,3 +1,4 @@
+// The least of all impulses that have the same effect.
 #include "least_norm.hpp"
 
 namespace {

@@ -1,3 +1,4 @@
+// The inelastic projection, in double-double.
 #include "projection.hpp"
 
 namespace {

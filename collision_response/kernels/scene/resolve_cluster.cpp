@@ -1,3 +1,4 @@
+// Resolve one cluster: apply a law, with its fallbacks.
 #include "resolve_cluster.hpp"
 
 namespace {

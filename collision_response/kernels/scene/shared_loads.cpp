@@ -1,3 +1,4 @@
+// Which contacts carry the loads of an impact.
 #include "shared_loads.hpp"
 
 #include <optional>
