@@ -44,7 +44,7 @@ def draw(points: Sequence[Point]) -> None:
     figure, grid = plt.subplots(1, len(names), figsize=(12, 5.0), sharex=True, sharey=True)
     for axes, name in zip(grid, names, strict=True):
         panel(axes, name, {point["way"]: point for point in points if point["scene"] == name})
-    grid[0].set_ylabel("relative error of the answer")
+    grid[0].set_ylabel("relative error of the impulse")
     figure.legend(
         handles=legend(), loc="lower center", ncols=4, frameon=False, fontsize=10.5, columnspacing=2
     )
