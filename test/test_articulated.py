@@ -287,6 +287,46 @@ def test_a_nearly_stretched_arm(decades):
         assert [*impact.twist_a.linear, *impact.twist_a.angular] == pytest.approx(after, abs=1e-12)
 
 
+def frame(seed: int) -> np.ndarray:
+    """Three perpendicular unit vectors."""
+    return np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0].T
+
+
+@each_law
+@pytest.mark.parametrize("elbow", [1e-2, 1e-3, 1e-4, 1e-5])
+@pytest.mark.parametrize("kind", ["contact", "link"])
+def test_a_nearly_stretched_arm_may_slip_in_its_plane(law, elbow, kind):
+    """Across the plane it is locked. The rounding of ``J M^-1 J^T`` turns that direction by up to 1e-5."""
+    model = ImpactModel(law)
+    for seed in range(8):
+        x, y, axis = frame(seed)
+        first, second = x, math.cos(elbow) * x + math.sin(elbow) * y
+        across, tip = np.cross(axis, [first, second]), first + second
+        J = np.zeros((6, 2))
+        J[:3, 0], J[:3, 1], J[3:] = across.sum(axis=0), across[1], axis[:, None]
+        inner = math.cos(elbow) / 2
+        M = np.array([[5 / 3 + 2 * inner, 1 / 3 + inner], [1 / 3 + inner, 1 / 3]])
+        twist = J @ [1.0, -3.0]
+        n = -across[1] * np.sign(across[1] @ twist[:3])
+        if kind == "contact":
+            K = J[:3] @ np.linalg.solve(M, J[:3].T)
+            answer = resolve_contact(K, twist[:3], n, 0.5, 0.3, model)
+        else:
+            link = Body.articulated(J @ np.linalg.solve(M, J.T), tip, *np.split(twist, 2))
+            answer = resolve(link, Body.static(), Contact.of(tip, n, 0.5, 0.3), model)
+        P = np.array(answer.impulse)
+        assert np.linalg.norm(P - n * (P @ n)) <= 0.3 * (P @ n) * (1 + 1e-9)
+        assert answer.energy_lost_restitution + answer.energy_lost_friction >= 0
+
+
+@pytest.mark.parametrize("locked", [0.0, 1e-16, 1e-12, 5e-10])
+def test_a_locked_component_that_is_rounding_changes_nothing(locked):
+    """Next to a direction that is hardly movable, it would cost an impulse 1e8 times as large."""
+    K, n = np.diag([1.0, 1e-8, 0.0]), (1.0, 0.0, 0.1)
+    found, clean = (resolve_contact(K, (-1.0, 3e-9, u), n, 0.5, 0.3) for u in (locked, 0.0))
+    assert found.impulse == pytest.approx(clean.impulse, rel=locked + 1e-15)
+
+
 @each_law
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 @pytest.mark.parametrize("joints", [1, 2])

@@ -225,10 +225,11 @@ class ContactKinematics(NamedTuple):
 
     Attributes:
         n: the normal, from body_b to body_a, of any length.
-        u: velocity of body_a relative to body_b at the contact [m/s].
+        u: velocity of body_a relative to body_b at the contact [m/s], without ``locked_u``.
         n_u: ``n.u``, summed so that it stays accurate far from the origin; negative if the bodies approach.
         n_Kn: ``n.K n``: the inverse effective mass along the normal [1/kg] times ``n.n``.
         body_a, body_b: the two bodies.
+        locked_u: for a mechanism, the part of the relative velocity along the locked directions; else empty.
     """
 
     n: Vec3
@@ -237,6 +238,7 @@ class ContactKinematics(NamedTuple):
     n_Kn: Scalar
     body_a: BodyAtContact
     body_b: BodyAtContact
+    locked_u: Vec3 | tuple[()] = ()
 
     @classmethod
     def of(cls, body_a: Body, body_b: Body, contact: Contact) -> ContactKinematics:
@@ -244,7 +246,7 @@ class ContactKinematics(NamedTuple):
         n = contact.normal
         a, b = (BodyAtContact.of(body, contact.position) for body in (body_a, body_b))
         v = body_a.velocity - body_b.velocity
-        return cls(
+        found = cls(
             n=n,
             u=v + (a.velocity_from_spin() - b.velocity_from_spin()),
             n_u=n.dot(v) + a.normal_velocity_from_spin(n) - b.normal_velocity_from_spin(n),
@@ -254,6 +256,10 @@ class ContactKinematics(NamedTuple):
             body_a=a,
             body_b=b,
         )
+        if found.is_rigid():
+            return found
+        locked_u = found._locked_directions(found._possibly_singular_K()) @ found.u
+        return found._replace(u=found.u - locked_u, locked_u=locked_u)
 
     def is_rigid(self) -> bool:
         """Whether neither body is a link of a mechanism."""
@@ -293,11 +299,10 @@ class ContactKinematics(NamedTuple):
         Returns:
             The error of twice the work of the impulse [J], and of ``n.u`` after it; 0, 0 for rigid bodies.
         """
-        if self.is_rigid():
+        if not self.locked_u:
             return 0, 0
         terms, size = self.body_a.size_of_terms() + self.body_b.size_of_terms(), impulse.norm()
-        locked_u = self._locked_directions(self._possibly_singular_K()) @ self.u
-        change = SYMMETRY_TOLERANCE * terms * size + 2 * locked_u.norm()
+        change = SYMMETRY_TOLERANCE * terms * size + 2 * self.locked_u.norm()
         return change * size, change * self.n.norm()
 
     def is_movable_along_normal(self) -> Condition:
@@ -328,12 +333,16 @@ class ContactKinematics(NamedTuple):
     def can_come_to_rest(self) -> Condition:
         """Whether some impulse brings the contact to rest: ``u`` lies in the range of ``K``.
 
-        A locked component of ``u`` is ignored if it is rounding of the velocities that add up to ``u``.
+        A locked component of ``u`` is ignored if it is rounding of the velocities that add up to ``u``, or of
+        ``K``, which turns the locked directions the more the less ``K`` moves in others.
         """
-        a, b = self.body_a.velocity_from_spin(), self.body_b.velocity_from_spin()
-        u = Vec3(*_scaled(*self.u, *(self.u - (a - b)), *a, *b)[:3])
-        locked_u = self._locked_directions(self._possibly_singular_K()) @ u
-        return locked_u.dot(locked_u) <= PERPENDICULAR
+        if not self.locked_u:
+            return True
+        a, b, u = self.body_a.velocity_from_spin(), self.body_b.velocity_from_spin(), self.u + self.locked_u
+        locked_u = Vec3(*_scaled(*self.locked_u, *u, *(u - (a - b)), *a, *b)[:3])
+        K = self._possibly_singular_K()
+        turn = CANCELLATION * K.trace() / or_one(K.least_nonzero_eigenvalue(self._rounding_of_K()))
+        return locked_u.dot(locked_u) <= PERPENDICULAR + certain(turn * turn)
 
     def _locked_directions(self, K: Symmetric3) -> Symmetric3:
         """The projection on the null space of ``K``: the directions in which impulses move nothing."""
