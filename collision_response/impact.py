@@ -168,6 +168,7 @@ def impact(
     kinematics = ContactKinematics.of(body_a, body_b, contact)
     n, n_u = kinematics.n, kinematics.n_u
     length = square_root(n.dot(n))
+    lengths = [q.squared_length() for q in (body_a.orientation, body_b.orientation) if q is not None]
     friction = contact.friction * 0 if law is Law.FRICTIONLESS else contact.friction
     result = evaluate_law(kinematics, Coefficients(contact.restitution, friction, settings), law)
     approaching, below_threshold, e, outcome, impulse = result
@@ -205,7 +206,7 @@ def impact(
         fell_back=approaching & outcome.fell_back,
         massless_spin=kinematics.body_a.has_massless_spin() | kinematics.body_b.has_massless_spin(),
         unfinished=approaching & outcome.unfinished,
-        out_of_range=is_out_of_range(n.dot(n), kinematics.n_Kn)
+        out_of_range=is_out_of_range(n.dot(n), kinematics.n_Kn, *lengths)
         | result.and_approaching(
             outcome.out_of_range
             | is_out_of_range(-n_u, -n_u / kinematics.n_Kn)

@@ -31,6 +31,7 @@ from collision_response import Geometry, ImpactError, ImpactModel, Law, Precisio
 from collision_response.batch import resolve_batch
 from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.kernels import library
+from collision_response.physics.laws import PATHS
 
 KINDS = [
     *product(GEOMETRIES, (False,), LAWS_WITH_ORACLE),
@@ -443,3 +444,28 @@ def test_a_threshold_applies_also_where_squares_leave_the_range(law, dtype, spee
         above = resolve_batch(bodies, contacts, ImpactModel(law, restitution_threshold=1e39))
         np.testing.assert_allclose(above.velocity[0, 0], above.velocity[0, 1], rtol=1e-6)
     assert not recwarn.list
+
+
+@pytest.mark.parametrize(
+    ("dtype", "length"),
+    [(np.float64, 1e153), (np.float64, 1e160), (np.float64, 1e300), (np.float64, 1e-160), (np.float32, 1e20)],
+)
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+def test_a_quaternion_of_any_length_turns_the_body(dtype, length, law):
+    """Its square leaves the range of the floats."""
+    if law in PATHS and dtype is np.float32:
+        return
+    rows, columns = body_rows(Geometry.SPATIAL, oriented=True), contact_rows(Geometry.SPATIAL)
+    bodies, contacts = np.zeros((rows.height, 2, 2), dtype), np.zeros((columns.height, 2), dtype)
+    bodies[rows.mass] = np.array([1.0, np.inf])[:, None]
+    bodies[rows.inertia, 0] = np.array([0.1, 0, 0, 0.2, 0, 0.25])[:, None]
+    bodies[rows.velocity, 0] = np.array([0.3, 0.1, -1.0])[:, None]
+    bodies[rows.orientation, 0] = np.array([0.3, -0.4, 0.5, 0.7])[:, None] * [1.0, length]
+    bodies[rows.orientation, 1, :] = np.array([0, 0, 0, 1.0])[:, None]
+    contacts[columns.position] = np.array([0.5, 0.4, -0.5])[:, None]
+    contacts[columns.normal] = np.array([0, 0, 1.0])[:, None]
+    contacts[columns.restitution], contacts[columns.friction] = 0.5, 0.3
+    result = resolve_batch(bodies, contacts, ImpactModel(law))
+    assert (result.status == StatusCode.OK).all()
+    # One of them is computed in other units.
+    np.testing.assert_allclose(result.impulse[:, 1], result.impulse[:, 0], rtol=50 * np.finfo(dtype).eps)

@@ -18,6 +18,7 @@ from ros_graph import LATCHED, assign, ball, balls_meet, request_of, wait_until
 
 from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, StatusCode
 from collision_response.batch import resolve_batch
+from collision_response.batch.plan import BatchRequest
 from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.body_conversions import moment_about_z, planar_spin, with_com_as_reference
 from collision_response.msg import BodyState, CollisionResult
@@ -514,6 +515,19 @@ def test_a_stale_state_is_not_used(graph):
     assert response.state_stamps[0].sec == 1 and response.state_ages[0] > 1e9
 
 
+@pytest.mark.parametrize("law", [Law.ROUTH_STRONGE, Law.COMPLIANT])
+def test_contacts_of_path_laws_are_computed_a_few_at_a_time(law):
+    """One that has too many steps takes 20 ms, and others may come first that take 20 us."""
+    rows, columns = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    bodies, contacts = np.zeros((rows.height, 2, 500)), np.zeros((columns.height, 500))
+    bodies[rows.mass], bodies[rows.velocity, 0], contacts[columns.normal] = 1.0, 1.0, 1.0  # they separate
+    request = BatchRequest.of(bodies, contacts, ImpactModel(law), None)
+    out = request.plan.result_fields(500, False).mapped(lambda field: np.empty(*field))
+    pauses = sum(1 for _ in batches.compute(request, out))
+    assert pauses >= 500 // batches.MOST_OF_PATHS
+    assert (out.status == StatusCode.SEPARATING).all()
+
+
 # the client's side
 
 
@@ -523,7 +537,12 @@ def test_a_stale_state_is_not_used(graph):
         ("bodies: must be of shape (4 or 7 or 16 or 20, B), is (5, 3)", {"bodies": np.zeros((5, 3))}),
         ("bodies: must be of shape (4 or 7 or 16 or 20, B), is (4,)", {"bodies": np.zeros(4)}),
         ("pairs: must be of shape (2, N), is (3, 2)", {"pairs": np.zeros((3, 2), int)}),
-        ("contacts: must be of shape (rows, 2), is (5, 3)", {"contacts": np.zeros((5, 3))}),
+        ("contacts: must be of shape (4 to 6, 2), is (5, 3)", {"contacts": np.zeros((5, 3))}),
+        ("contacts: must be of shape (4 to 6, 2), is (1, 2)", {"contacts": np.zeros((1, 2))}),
+        ("contacts: must be of shape (4 to 6, 2), is (7, 2)", {"contacts": np.zeros((7, 2))}),
+        ("bodies: must be numbers, some are masked", {"bodies": np.ma.masked_array(np.zeros((4, 3)), True)}),
+        ("bodies: must be real numbers, is complex128", {"bodies": np.zeros((4, 3), complex)}),
+        ("contacts: must be real numbers, is <U1", {"contacts": np.full((5, 2), "1")}),
         ("pairs: must be indices of bodies, counted from 0; one is -1", {"pairs": [[0, -1], [1, 2]]}),
         (
             "pairs: must be indices of bodies, counted from 0; one is 4294967296",
@@ -541,7 +560,14 @@ def test_pack_refuses_invalid_arrays_and_names(message, changes):
         pack(
             **{"bodies": np.zeros((4, 3)), "pairs": [[0, 1], [1, 2]], "contacts": np.zeros((5, 2)), **changes}
         )
-    assert str(raised.value) == message
+    assert str(raised.value).startswith(message)
+
+
+@pytest.mark.parametrize("changes", [{"names": [1]}, {"frame_id": None}, {"frame_id": 1}])
+def test_pack_refuses_what_is_no_text_by_name(changes):
+    (field,) = changes
+    with pytest.raises(TypeError, match=rf"^{field}(\[0\])?: must be text, is "):
+        pack(np.zeros((4, 3)), [[0, 1], [1, 2]], np.zeros((5, 2)), **changes)
 
 
 def test_pack_accepts_any_memory_layout_and_type():

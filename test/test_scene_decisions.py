@@ -143,6 +143,8 @@ def test_between_walls_that_are_parallel_but_for_rounding_nothing_rebounds(e, ve
     exact = projected(tuple(map(F, velocity)), *(tuple(map(F, n)) for n in normals))
     change = math.dist(exact, velocity)
     assert math.dist(answer.twists[0].linear, exact) <= answer.error_bound * change + 1e-16 <= 1e-6
+    lost = answer.kinetic_energy_before - answer.kinetic_energy_after
+    assert answer.energy_lost_restitution == pytest.approx(lost, abs=1e-9 + 2 * answer.error_bound)
     # The impulses do what the answer says, up to their own rounding: those of walls that close are 1e15 N s.
     P = [math.fsum(impulse[k] for impulse in answer.impulses) / 2.0 for k in range(3)]
     size = sum(impulse.norm() for impulse in answer.impulses)

@@ -62,6 +62,19 @@ def test_a_scene_packed_by_names_equals_the_packed_scene():
     assert in_full == pack([CUBE, ground], [(0, 1)], [open_], names=["cube", "ground"])
 
 
+@pytest.mark.parametrize("mass", [math.nan, -math.inf, -1.0])
+def test_a_mass_that_is_no_mass_makes_no_wall(mass):
+    """Only an infinite one does. The node refuses the others, as the library does."""
+    request = pack([CUBE._replace(mass=mass), Body.static()], [(0, 1)], CONTACTS[:1])
+    assert [*request.immovable] == [1]
+    assert str(request.bodies[0]) == str(mass)
+
+
+def test_pack_takes_iterators():
+    bodies, pairs, contacts = FLAT_BOX
+    assert pack(iter(bodies), iter(pairs), iter(contacts)) == pack(bodies, pairs, contacts)
+
+
 def test_what_a_request_has_no_place_for_is_refused():
     hand = Body.articulated([[float(i == j) for j in range(6)] for i in range(6)])
     with pytest.raises(ValueError, match=r"^bodies\[1\].inverse_inertia: "):

@@ -20,12 +20,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..batch import BatchResult, is_bounded
-from ..batch.arrays import Array
+from ..batch.arrays import Array, check_unmasked
 from ..batch.result import result_fields
 from ..batch.rows import body_rows
 from ..model import DEFAULT, Geometry, ImpactModel, check_model
 from .convert import error_from, model_of, write_model
-from .tables import LAYOUTS, Request, Response, append, as_indices, as_lines, result_in, view_of
+from .tables import LAYOUTS, Request, Response, append, as_indices, as_lines, as_text, result_in, view_of
 
 LAYOUT_OF = {layout.bodies.height: number for number, layout in LAYOUTS.items()}
 """Number of the layout, by the number of rows in its table of bodies."""
@@ -61,10 +61,12 @@ def pack(
             not one line of text.
     """
     check_model(model)
+    for name, table in (("bodies", bodies), ("contacts", contacts)):
+        check_unmasked(name, table)
     bodies, pairs, contacts = np.asarray(bodies), np.asarray(pairs), np.asarray(contacts)
     _check_shapes(bodies, pairs, contacts)
     request = Request(names=as_lines(names), report=report)
-    request.header.frame_id = frame_id
+    request.header.frame_id = as_text("frame_id", frame_id)
     request.layout = LAYOUT_OF[bodies.shape[0]]
     append(request.bodies, bodies)
     append(request.pairs, as_indices(pairs))
@@ -94,5 +96,10 @@ def _check_shapes(bodies: Array, pairs: Array, contacts: Array) -> None:
         raise ValueError(f"bodies: must be of shape ({heights}, B), is {bodies.shape}")
     if pairs.ndim != 2 or pairs.shape[0] != 2:
         raise ValueError(f"pairs: must be of shape (2, N), is {pairs.shape}")
-    if contacts.ndim != 2 or contacts.shape[1] != pairs.shape[1]:
-        raise ValueError(f"contacts: must be of shape (rows, {pairs.shape[1]}), is {contacts.shape}")
+    n, rows = pairs.shape[1], LAYOUTS[LAYOUT_OF[bodies.shape[0]]].contacts
+    least, most = rows.friction.start, rows.height + 1
+    if contacts.ndim != 2 or contacts.shape[1] != n or not least <= contacts.shape[0] <= most:
+        raise ValueError(f"contacts: must be of shape ({least} to {most}, {n}), is {contacts.shape}")
+    for name, table in (("bodies", bodies), ("contacts", contacts), ("pairs", pairs)):
+        if table.dtype.kind not in "biuf":
+            raise ValueError(f"{name}: must be real numbers, is {table.dtype}")

@@ -24,6 +24,7 @@ from ..batch.rows import Layout
 from ..body_conversions import moment_about_z, orientation_of, planar_spin, with_com_as_reference
 from ..model import Geometry
 from ..msg import BodyState
+from ..physics.laws import PATHS
 from ..srv import ResolveCollisionBatch
 from ..status import ImpactError, StatusCode
 from . import convert
@@ -60,6 +61,9 @@ class BatchBodies(NamedTuple):
 
 INITIAL_BLOCK = 256
 """Contacts that are computed between two pauses at first. Later blocks are sized by the time they take."""
+
+MOST_OF_PATHS = 32
+"""Most contacts of a block by a law that follows a path: one that has too many steps takes 20 ms."""
 
 BLOCK_TIMES = 0.001, 0.004
 """Times [s]: if a block takes less than the first, the next is larger; if more than the second, smaller."""
@@ -111,7 +115,9 @@ class BatchService:
 
 def compute(batch: BatchRequest, out: BatchResult) -> Iterator[None]:
     """Compute all impacts into ``out``, with pauses."""
-    start, block, n = 0, INITIAL_BLOCK, batch.contacts.shape[1]
+    start, n = 0, batch.contacts.shape[1]
+    block = most = MOST_OF_PATHS if batch.plan.model.law in PATHS else n
+    block = min(block, INITIAL_BLOCK)
     while start < n:
         block_start = time.perf_counter()
         stop = start + block
@@ -119,7 +125,7 @@ def compute(batch: BatchRequest, out: BatchResult) -> Iterator[None]:
         start = stop
         duration = time.perf_counter() - block_start
         if duration < BLOCK_TIMES[0]:
-            block *= 2
+            block = min(2 * block, most)
         elif duration > BLOCK_TIMES[1] and block > 1:
             block //= 2
         if start < n:

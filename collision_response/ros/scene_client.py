@@ -9,6 +9,7 @@ Send the request with a client of rclpy.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 from types import MappingProxyType
@@ -24,7 +25,7 @@ from ..physics.contact import Contact
 from ..srv import ResolveScene
 from ..status import format_value
 from .convert import write_model
-from .tables import append, as_indices, as_lines
+from .tables import append, as_indices, as_lines, as_text
 
 
 def pack(
@@ -55,6 +56,7 @@ def pack(
             restitution of a contact, or a coefficient that is a function.
     """
     check_model(model)
+    bodies, contacts = as_list("bodies", bodies), as_list("contacts", contacts)
     pairs = as_list("pairs", pairs)
     if len(pairs) != len(contacts):
         raise ValueError(
@@ -77,10 +79,14 @@ def pack(
             if callable(getattr(contact, name)):
                 raise ValueError(f"contacts[{i}].{name}: must be a number: requests hold no functions")
     request = ResolveScene.Request(names=as_lines(names))
-    request.header.frame_id = frame_id
-    columns = [body_to_numbers(body if body.is_movable() else body._replace(mass=0.0)) for body in bodies]
+    request.header.frame_id = as_text("frame_id", frame_id)
+    is_immovable = [body.mass == math.inf for body in bodies]  # NaN is none of both
+    columns = [
+        body_to_numbers(body._replace(mass=0.0) if fixed else body)
+        for body, fixed in zip(bodies, is_immovable, strict=True)
+    ]
     append(request.bodies, np.array(columns, float).T)
-    request.immovable = [i for i, body in enumerate(bodies) if not body.is_movable()]
+    request.immovable = [i for i, fixed in enumerate(is_immovable) if fixed]
     append(request.pairs, as_indices(np.array(pairs)).T)
     rows = [
         [*contact.position, *contact.normal, contact.restitution, contact.friction] for contact in contacts

@@ -17,7 +17,7 @@ from ..batch import BatchResult
 from ..batch.arrays import Array
 from ..batch.rows import TABLE_LAYOUTS
 from ..srv import ResolveCollisionBatch
-from ..status import ImpactError, StatusCode
+from ..status import ImpactError, StatusCode, format_value
 
 Request, Response = ResolveCollisionBatch.Request, ResolveCollisionBatch.Response
 
@@ -65,14 +65,22 @@ def as_lines(names: Iterable[str]) -> str:
     """Join names to one string, one per line.
 
     Raises:
-        TypeError: if they are not a sequence.
+        TypeError: if they are not a sequence of texts.
         ValueError: if a name has several lines, or a NUL character, at which ROS would cut it off.
     """
     names = as_list("names", names)
     for i, name in enumerate(names):
+        as_text(f"names[{i}]", name)
         if "\n" in name or "\0" in name:
             raise ValueError(f"names[{i}]: must be one line without a NUL character, is {name!r}")
     return "\n".join(names)
+
+
+def as_text(field: str, text: str) -> str:
+    """Return a text. Raises: TypeError: if it is none."""
+    if not isinstance(text, str):
+        raise TypeError(f"{field}: must be text, is {format_value(text)}")
+    return text
 
 
 def as_indices(pairs: Array) -> Array:

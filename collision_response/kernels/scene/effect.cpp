@@ -144,7 +144,8 @@ struct Works {
   const AppliedImpulses& applied;
   double fastest = 0;  // speed before the impact
   double speed_unit = 1, impulse_unit = 1;
-  double lost_restitution = 0, lost_friction = 0;
+  DD restitution_gain{};
+  double lost_friction = 0;
   double total = 0;  // of all terms, without their signs
   double doubt = 0;  // by the errors of the velocities before the impact
   double reach = 0;  // by a unit error of the velocities after it, in the metric of kinetic energy
@@ -167,17 +168,27 @@ struct Works {
     const double along = (P[1] / impulse_unit * ((before[1] + after[1]) / speed_unit) +
                           P[2] / impulse_unit * ((before[2] + after[2]) / speed_unit)) /
                          2;
-    lost_restitution -= normal * ((before[0] + after[0]) / speed_unit) / 2;
+    const DD work = applied.has_friction ? DD{normal * ((before[0] + after[0]) / speed_unit), 0}
+                                         : work_without_friction(i);
+    restitution_gain = restitution_gain + 0.5 * work;
     lost_friction -= along;
     total += normal * ((std::fabs(before[0]) + std::fabs(after[0])) / speed_unit) + std::fabs(along);
     doubt += normal * (width(contact.velocity) / contact.length / speed_unit);
     reach += normal / contact.unit() / speed_unit;
   }
 
+  // Loads on both of two contacts that nearly face each other may cancel in all digits of a double.
+  DD work_without_friction(int i) const {
+    const DD load = applied.normal[i] / impulse_unit;
+    const N both = applied.assembly.contacts[i].velocity + applied.normal_velocities[i];
+    return DD{both.value.h / speed_unit, both.value.l / speed_unit} * load;
+  }
+
   // Set the energies that are lost, and whether energy is created.
   void set_losses(ImpulseEffect& effect) const {
     double* energies = effect.energies;
-    const double loss = lost_restitution + lost_friction, by_rounding = 0x1p-40 * total + doubt;
+    const double lost_restitution = -high(restitution_gain), loss = lost_restitution + lost_friction,
+                 by_rounding = 0x1p-40 * total + doubt;
     const double by_error = applied.error < INFINITY ? applied.error * reach : 0;
     const bool gains = loss < -by_rounding - by_error;
     const bool is_bounded = effect.error_bound < INFINITY;
