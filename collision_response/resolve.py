@@ -16,6 +16,7 @@ A request takes this path:
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from functools import lru_cache
 from typing import Any, NoReturn
 
@@ -30,6 +31,7 @@ from .kernels import library
 from .kernels.protocol import Handover
 from .model import (
     DEFAULT,
+    ULP,
     Adjustment,
     Geometry,
     ImpactModel,
@@ -249,16 +251,20 @@ def _resolve_reduced(body_a: Body, body_b: Body, contact: Contact, model: Impact
     # Relative to the exact answer, which may be smaller than that of `full`.
     left_out = (left_out + unknown) / (1 - unknown) * (1 + 2.0**-40) if unknown < 1 else math.inf
     bound = max(reduced.error_bound, left_out)
+    if isinstance(reduced.impulse.x, Fraction):  # the difference was taken in floats
+        bound += ULP
     try:
         energy_before = float(full.kinetic_energy_before)
+        energy_after = energy_before + float(reduced.kinetic_energy_after - reduced.kinetic_energy_before)
+        twists = [_twist_after(body_a, reduced.change_a), _twist_after(body_b, reduced.change_b)]
     except OverflowError:  # a fraction beyond float64
         raise library.refusal(StatusCode.OUT_OF_RANGE) from None
     return reduced._replace(
         status=reduced.status if bound <= bound_limit(model) else StatusCode.TOLERANCE_NOT_MET,
-        twist_a=_twist_after(body_a, reduced.change_a),
-        twist_b=_twist_after(body_b, reduced.change_b),
+        twist_a=twists[0],
+        twist_b=twists[1],
         kinetic_energy_before=energy_before,
-        kinetic_energy_after=energy_before + (reduced.kinetic_energy_after - reduced.kinetic_energy_before),
+        kinetic_energy_after=energy_after,
         error_bound=bound,
         adjustments=reduced.adjustments | (full.adjustments & BODY_ADJUSTMENTS),
     )

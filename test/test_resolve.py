@@ -706,3 +706,39 @@ def test_coefficients_need_only_convert_to_floats(field, is_function):
     with pytest.raises(ImpactError) as refusal:
         answer(OnlyConvertible(-1.5))
     assert refusal.value.field.startswith(name)
+
+
+@pytest.mark.parametrize("precision", [Precision.SINGLE, Precision.DOUBLE, Precision.EXTENDED])
+@pytest.mark.parametrize("length", [1e-165, 1e-162, 1e-160, 1e-155, 1e-24, 1e-23, 1e-22, 1e23, 1e160])
+def test_a_normal_of_any_length_reports_the_same_of_bodies_that_separate(precision, length):
+    """Its square leaves the range of floats, which a bound of 0 does not show."""
+    ball = Body.sphere(
+        0.3, 1 / 3, position=(0.1, 0.2, 0.4), velocity=(0.1, 1, 1), angular_velocity=(0.3, 0.7, 0.1)
+    )
+    found, usual = (
+        resolve(
+            ball,
+            Body.static(),
+            Contact.of((0.1, 0.02, 0.03), (0, 3 * x, 0.7 * x), 0.5, 0.3),
+            ImpactModel(precision=precision),
+        )
+        for x in (length, 1.0)
+    )
+    assert found.status is StatusCode.SEPARATING
+    rounding = 2.0**-20 if precision is Precision.SINGLE else 2.0**-50
+    for field in ("normal_velocity_before", "normal_velocity_after", "effective_mass"):
+        assert getattr(found, field) == pytest.approx(getattr(usual, field), rel=rounding)
+
+
+def test_a_forced_geometry_of_fractions_bounds_what_floats_round():
+    ball = Body.sphere(F(1), F(1, 10), position=(0, 0, F(1, 10)), velocity=(0, 0, F(-1, 3)))
+    contact = Contact.of((F(1, 10**30), 0, 0), (0, 0, 1), F(1, 2))
+    answer = resolve(ball, Body.static(), contact, ImpactModel(Law.FRICTIONLESS, Geometry.POINT))
+    assert abs(F(answer.twist_a.linear.z) / F(1, 6) - 1) <= answer.error_bound < 1e-15
+
+
+def test_a_forced_geometry_of_fractions_beyond_float64_is_refused():
+    body = Body.dynamic(1.0, (1e-320, 0, 0, 1e-320, 0, 1e-320), velocity=(0, -1e150, 0))
+    contact = Contact.of((F(1, 10**160), 0, 0), (0, 1, F(1, 10**30)), 0.5)
+    with refused(StatusCode.OUT_OF_RANGE):
+        resolve(body, Body.static(), contact, ImpactModel(geometry=Geometry.PLANAR))

@@ -26,6 +26,13 @@ static inline bool is_extreme(const ImpactResult& result, bool single) {
          is_out(result.reported[OUT_KINETIC_ENERGY_BEFORE]) || is_out(result.reported[OUT_EFFECTIVE_MASS]);
 }
 
+// Whether the square of the normal may leave the range of floats, which the numbers of separating bodies do not show.
+static inline bool has_extreme_normal(const double* input, bool single) {
+  const double limit = single ? 0x1p40 : 0x1p400, *n = input + IN_CONTACT + CONTACT_NORMAL_X;
+  const double size = std::max({std::fabs(n[0]), std::fabs(n[1]), std::fabs(n[2])});
+  return !(size > 1 / limit && size < limit);
+}
+
 static inline bool all_finite(const ImpactResult& result) {
   double sum = 0;
   for (double number : result.change) sum += number - number;
@@ -37,7 +44,8 @@ static inline bool all_finite(const ImpactResult& result) {
 static inline void compute_in_suitable_units(ImpactKernel kernel, bool articulated, bool single, const double* input,
                                              const double* error, ImpactResult& result) {
   kernel(input, error, &result);
-  if (result.error_bound < INFINITY && !is_extreme(result, single) && all_finite(result)) return;
+  const bool is_usual = !is_extreme(result, single) && !has_extreme_normal(input, single);
+  if (result.error_bound < INFINITY && is_usual && all_finite(result)) return;
   ImpactResult scaled;
   impact_in_other_units(kernel, articulated, input, error, scaled);
   bool knows_more = scaled.error_bound < INFINITY || !(result.error_bound < INFINITY);
