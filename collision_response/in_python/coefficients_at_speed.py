@@ -9,7 +9,7 @@ from .. import validity
 from ..arguments import check_number
 from ..kernels import library
 from ..model import ImpactModel, Precision
-from ..numbers.operations import Scalar, of_python, square_root
+from ..numbers.operations import Scalar, maximum, of_python, square_root
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.effective_mass import ContactKinematics
@@ -105,7 +105,8 @@ def _slip_speed_by_fractions(body_a: Body, body_b: Body, contact: Contact) -> fl
     validity.check(*read_request(body_a, body_b, contact._replace(friction=0.0)), 0.0)
     bodies = body_as_fractions(body_a), body_as_fractions(body_b)
     n, u, n_u = ContactKinematics.of(*bodies, contact_as_fractions(contact))[:3]
-    return _as_float(square_root(u.dot(u) - n_u * n_u / n.dot(n)))
+    square = u.dot(u) - n_u * n_u / n.dot(n)  # below 0 by what is locked of u, which is rounding
+    return _as_float(square_root(maximum(square, 0 * square)))
 
 
 def _as_float(speed: Scalar) -> float:

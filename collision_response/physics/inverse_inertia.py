@@ -116,7 +116,7 @@ class InverseInertia(NamedTuple):
             linear, angular = self.twist_change(d, axis)
             return linear + angular.cross(d)
 
-        x, y, z = column(Vec3(1.0, 0.0, 0.0)), column(Vec3(0.0, 1.0, 0.0)), column(Vec3(0.0, 0.0, 1.0))
+        x, y, z = column(Vec3(1, 0, 0)), column(Vec3(0, 1, 0)), column(Vec3(0, 0, 1))
         return Symmetric3(x.x, y.x, z.x, y.y, z.y, z.z)
 
     def is_semi_definite(self) -> Condition:

@@ -53,7 +53,7 @@ from ...status import ImpactError, StatusCode
 from ..effective_mass import ContactKinematics
 from ..vector import Vec3
 from .contact_frame import ContactFrame, Tangential
-from .dormand_prince import ERROR_5, ORDER_3, STAGES, TOO_LONG, WEIGHTS, Row, step_error, step_factor
+from .dormand_prince import ERROR_5, ORDER_3, STAGES, WEIGHTS, Row, step_error, step_factor
 from .law import Coefficients, Law, Outcome, Regime
 from .routh import DEFAULT_TOLERANCE, GREATEST_FRICTION, LEAST_RESTITUTION, LEAST_TOLERANCE, PATH_SHARE
 from .routh_path import LONGEST, Path
@@ -342,7 +342,7 @@ class PathFollower:
         pace = max(1.0, abs(to.u))  # u exceeds 1 if friction jams
         e5, e3 = (math.hypot(e[0], e[1]) / size + abs(e[2]) / pace for e in (fifth, third))
         error = step_error(e5, e3) / (STEP_SHARE * self._path.tolerance)
-        return to, error if error < TOO_LONG and not bends else math.inf
+        return to, error if error >= 0 and not bends else math.inf
 
     def _end_of_phase(self, y: Point, at: Slope, h: float, to: Point, *, turns: bool) -> Point:
         """The point at which the phase ends, within a step of length ``h`` that leads across to ``to``.
