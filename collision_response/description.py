@@ -38,8 +38,6 @@ MODEL_FRAME = "__model__"
 WORLD = "world"
 """Name of what does not move: in SDF, and by custom of a link without mass in URDF."""
 
-MOMENTS = "ixx", "iyy", "izz"
-
 URDF_JOINTS = "fixed", "revolute", "continuous", "prismatic", "floating", "planar"
 SDF_JOINTS = (
     "fixed",
@@ -223,10 +221,7 @@ def _urdf_inertial(link: Element) -> Inertial:
         return Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
     mass = _mass(_child(inertial, "mass", where).get("value"), where)
     numbers = _child(inertial, "inertia", where).attrib
-    for name in MOMENTS:
-        if name not in numbers:
-            raise ValueError(f"{name} of {where}: must be given")
-    at_com = Inertial(mass, np.zeros(3), _tensor(numbers, 0.0, where))
+    at_com = Inertial(mass, np.zeros(3), _tensor(numbers, None, where))
     return _transformed(_urdf_pose(inertial, where), at_com)
 
 
@@ -363,11 +358,13 @@ def _pose(xyz: Any, rpy: Any) -> Pose:
     return pose
 
 
-def _tensor(numbers: Any, moment: float, where: str) -> Any:
-    """Read an inertia from ``ixx`` etc. Missing moments are ``moment``, missing products are 0."""
+def _tensor(numbers: Any, moment: float | None, where: str) -> Any:
+    """Read an inertia from ``ixx`` etc. Missing moments are ``moment`` or an error, products 0."""
 
     def number(name: str) -> float:
         default = moment if name[1] == name[2] else 0.0
+        if default is None and name not in numbers:
+            raise ValueError(f"{name} of {where}: must be given")
         return _numbers(numbers.get(name, str(default)), 1, f"{name} of {where}")[0]
 
     return np.array(Symmetric3(*map(number, ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))).rows())

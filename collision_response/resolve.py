@@ -142,7 +142,7 @@ def _with_finest_steps(
         return answer
     try:
         finer = resolve(body_a, body_b, contact, finest._replace(precision=precision))
-    except ImpactError:  # PATH_TOO_LONG: these are too many steps
+    except ImpactError:  # PATH_TOO_LONG, mostly: the answer that there is stands
         return answer
     if not finer.error_bound < answer.error_bound:
         return answer

@@ -1,11 +1,13 @@
 """Many contacts, or many scenes, at once: arrays in, arrays out.
 
-rows.py             the tables: which row holds what
-resolve_batch.py    many contacts, each by itself, by the plan of plan.py; result.py: the answer
-    one_by_one.py   - the few that kernels cannot answer well enough, by resolve()
-resolve_scenes.py   many clusters of contacts
-pairs.py            contacts between bodies of one table
-arrays.py           arrays of other libraries; dask_arrays.py
+The files::
+
+    rows.py             the tables: which row holds what
+    resolve_batch.py    many contacts, each by itself, by the plan of plan.py; result.py: the answer
+        one_by_one.py   - the few that kernels cannot answer well enough, by resolve()
+    resolve_scenes.py   many clusters of contacts
+    pairs.py            contacts between bodies of one table
+    arrays.py           arrays of other libraries; dask_arrays.py
 """
 
 from .pairs import independent_sets, scatter_velocities

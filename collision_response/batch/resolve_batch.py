@@ -202,8 +202,10 @@ def _refine(
 def _follow_finest_steps(request: BatchRequest, out: BatchResult, workers: int) -> Iterator[None]:
     """Follow paths again in the finest steps, where that lowers an error bound that is too large."""
     finest = in_finest_steps(request.plan.model)
+    if finest is None:
+        return
     columns = _inexact(out, request.plan.model_plan.bound_limit)
-    if finest is None or not columns.size:
+    if not columns.size:
         return
     again = request.select(columns)
     again = BatchRequest.of(again.bodies, again.contacts, finest, None)

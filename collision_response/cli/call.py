@@ -227,7 +227,7 @@ def answer(kind: Any, request: Any, service: str, timeout: float) -> Any:
 
 def _of_impact(response: Any) -> str:
     result = _valid(response)
-    names = _quoted(result.contact.body_a) or "body_a", _quoted(result.contact.body_b) or "body_b"
+    names = _printable(result.contact.body_a) or "body_a", _printable(result.contact.body_b) or "body_b"
     return "\n".join(filter(None, [format_impact(result, names), result.status.message]))
 
 
@@ -261,7 +261,7 @@ def _valid(response: Any) -> Any:
     raise error_from(status.code, status.message)
 
 
-def _quoted(name: str) -> str:
+def _printable(name: str) -> str:
     """Write a name so that it does nothing to a terminal."""
     return name if name.isprintable() else repr(name)[1:-1]
 

@@ -68,7 +68,7 @@ class CovarianceAfter(NamedTuple):
 
 
 class _Behaviour(NamedTuple):
-    """What sets impacts apart: the regime, the impulse of friction, and the sides of the jumps."""
+    """What sets impacts apart: the regime, the share of friction, and the sides of the jumps."""
 
     regime: Regime
     friction: Vec3
@@ -136,8 +136,10 @@ def propagate_covariance(
 
 def _slides_back(likely: Sequence[_Behaviour]) -> bool:
     """Whether the mean impact slides, and another one slides in the opposite direction."""
-    first, *others = [one.friction for one in likely if one.regime is Regime.SLIDING] or [Vec3(0.0, 0.0, 0.0)]
-    return likely[0].regime is Regime.SLIDING and any(first.dot(friction) < 0 for friction in others)
+    mean, *others = likely
+    return mean.regime is Regime.SLIDING and any(
+        one.regime is Regime.SLIDING and mean.friction.dot(one.friction) < 0 for one in others
+    )
 
 
 def _has_jump(likely: Iterable[_Behaviour], *, has_restitution: bool) -> bool:
@@ -229,7 +231,8 @@ def _normalised(v: Array) -> Array:
 def _behaviour(impact: Impact, model: ImpactModel) -> _Behaviour:
     is_slow = -impact.normal_velocity_before < model.restitution_threshold
     normal = Vec3(*unit_normal(impact.contact).tolist())
-    friction = impact.impulse - normal * normal.dot(impact.impulse)
+    P = impact.impulse / (math.hypot(*impact.impulse) or 1.0)  # products of small impulses would be 0
+    friction = P - normal * normal.dot(P)
     return _Behaviour(impact.regime, friction, is_slow, Adjustment.LAW_FALLBACK in impact.adjustments)
 
 

@@ -84,6 +84,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
+OF_READINGS = "speed", "radius", "errors"
+"""The options for readings of a sphere."""
+
 WITHIN = 0.05
 """Default of ``--within`` [s]."""
 
@@ -103,18 +106,15 @@ def _failed(file: object, error: Exception) -> int:
 
 def read(arguments: argparse.Namespace) -> Measurements:
     """Read the file of impacts that the command line names. Raises ``EXPECTED_ERRORS``."""
-    of_readings = [
-        name for name in ("speed", "radius", "errors") if getattr(arguments, name) not in (None, [])
-    ]
     if arguments.file.suffix == ".rrd":
         from .from_recording import read_impacts
 
-        _refuse_options("a table, not for a recording", ["set"] * bool(arguments.set) + of_readings)
+        _refuse_options("a table, not for a recording", arguments, "set", *OF_READINGS)
         return read_impacts(arguments.file, WITHIN if arguments.within is None else arguments.within)
-    _refuse_options("a recording, not for a table", ["within"] * (arguments.within is not None))
+    _refuse_options("a recording, not for a table", arguments, "within")
     rows, unused = from_table.read_rows(arguments.file, _by_name("--set", arguments.set))
     if "incidence" not in rows[0]:
-        _refuse_options("readings of a sphere: there is no column incidence", of_readings)
+        _refuse_options("readings of a sphere: there is no column incidence", arguments, *OF_READINGS)
     unused += from_table.unused_columns(rows[0])
     if unused:
         print(f"{arguments.file}: columns that are left out: {', '.join(unused)}", file=sys.stderr)
@@ -126,7 +126,8 @@ def read(arguments: argparse.Namespace) -> Measurements:
     return from_table.readings_from_rows(rows, arguments.speed, arguments.radius, errors)
 
 
-def _refuse_options(what_for: str, given: Sequence[str]) -> None:
+def _refuse_options(what_for: str, arguments: argparse.Namespace, *names: str) -> None:
+    given = [name for name in names if getattr(arguments, name) not in (None, [])]
     if given:
         raise ValueError(f"--{', --'.join(given)}: for {what_for}")
 

@@ -116,8 +116,8 @@ class BatchService:
 def compute(batch: BatchRequest, out: BatchResult) -> Iterator[None]:
     """Compute all impacts into ``out``, with pauses."""
     start, n = 0, batch.contacts.shape[1]
-    block = most = MOST_OF_PATHS if batch.plan.model.law in PATHS else n
-    block = min(block, INITIAL_BLOCK)
+    most = MOST_OF_PATHS if batch.plan.model.law in PATHS else n
+    block = min(INITIAL_BLOCK, most)
     while start < n:
         block_start = time.perf_counter()
         stop = start + block

@@ -80,7 +80,7 @@ def pack(
                 raise ValueError(f"contacts[{i}].{name}: must be a number: requests hold no functions")
     request = ResolveScene.Request(names=as_lines(names))
     request.header.frame_id = as_text("frame_id", frame_id)
-    is_immovable = [body.mass == math.inf for body in bodies]  # NaN is none of both
+    is_immovable = [body.mass == math.inf for body in bodies]  # a NaN mass is not movable either
     columns = [
         body_to_numbers(body._replace(mass=0.0) if fixed else body)
         for body, fixed in zip(bodies, is_immovable, strict=True)

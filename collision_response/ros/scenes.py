@@ -102,7 +102,8 @@ class SceneService:
         return impact.status, response
 
     def _compute(self, problem: SceneProblem) -> Steps[SceneImpact]:
-        at_once = resolve_without_python(*problem) if len(problem[2]) <= MAX_AT_ONCE else None
+        _, _, contacts, _ = problem
+        at_once = resolve_without_python(*problem) if len(contacts) <= MAX_AT_ONCE else None
         if at_once is not None:
             return at_once
         future = self._executor.submit(resolve_scene, *problem)

@@ -43,8 +43,8 @@ MAX_DISCOVERY_TIME = 2.0
 """Longest time [s] to wait until the client that sent a request is discovered."""
 
 TRY_INTERVAL = 1.0
-"""Time [s] between two tries to answer clients that are not discovered, if one has failed: each failure takes
-a tenth of a second of those that others wait for."""
+"""Time [s] between two tries to answer clients that are not discovered, if one has failed: each failure costs
+all others a tenth of a second."""
 
 MAX_TIME_TO_TRY = 10.0
 """Longest time [s] to wait for such a try after ``MAX_DISCOVERY_TIME``."""

@@ -144,7 +144,7 @@ struct Works {
   const AppliedImpulses& applied;
   double fastest = 0;  // speed before the impact
   double speed_unit = 1, impulse_unit = 1;
-  DD restitution_gain{};
+  DD normal_work{};  // of the normal impulses
   double lost_friction = 0;
   double total = 0;  // of all terms, without their signs
   double doubt = 0;  // by the errors of the velocities before the impact
@@ -168,9 +168,9 @@ struct Works {
     const double along = (P[1] / impulse_unit * ((before[1] + after[1]) / speed_unit) +
                           P[2] / impulse_unit * ((before[2] + after[2]) / speed_unit)) /
                          2;
-    const DD work = applied.has_friction ? DD{normal * ((before[0] + after[0]) / speed_unit), 0}
-                                         : work_without_friction(i);
-    restitution_gain = restitution_gain + 0.5 * work;
+    const DD twice = applied.has_friction ? DD{normal * ((before[0] + after[0]) / speed_unit), 0}
+                                          : twice_the_work_without_friction(i);
+    normal_work = normal_work + 0.5 * twice;
     lost_friction -= along;
     total += normal * ((std::fabs(before[0]) + std::fabs(after[0])) / speed_unit) + std::fabs(along);
     doubt += normal * (width(contact.velocity) / contact.length / speed_unit);
@@ -178,7 +178,7 @@ struct Works {
   }
 
   // Loads on both of two contacts that nearly face each other may cancel in all digits of a double.
-  DD work_without_friction(int i) const {
+  DD twice_the_work_without_friction(int i) const {
     const DD load = applied.normal[i] / impulse_unit;
     const N both = applied.assembly.contacts[i].velocity + applied.normal_velocities[i];
     return DD{both.value.h / speed_unit, both.value.l / speed_unit} * load;
@@ -187,8 +187,8 @@ struct Works {
   // Set the energies that are lost, and whether energy is created.
   void set_losses(ImpulseEffect& effect) const {
     double* energies = effect.energies;
-    const double lost_restitution = -high(restitution_gain), loss = lost_restitution + lost_friction,
-                 by_rounding = 0x1p-40 * total + doubt;
+    const double lost_restitution = -high(normal_work);
+    const double loss = lost_restitution + lost_friction, by_rounding = 0x1p-40 * total + doubt;
     const double by_error = applied.error < INFINITY ? applied.error * reach : 0;
     const bool gains = loss < -by_rounding - by_error;
     const bool is_bounded = effect.error_bound < INFINITY;

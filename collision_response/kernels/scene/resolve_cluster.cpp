@@ -60,7 +60,7 @@ ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& options, c
     }
     result.fell_back = true;
   }
-  ClusterImpulses impulses = are_decided ? *decided : reflections(assembly, options.threshold);
+  const ClusterImpulses impulses = are_decided ? *decided : reflections(assembly, options.threshold);
   if (!impulses.are_found && assembly.is_locked) {
     result.refuse_path("press on each other, and may or may not contradict: too many to decide exactly");
   } else if (!impulses.are_found) {
@@ -68,10 +68,8 @@ ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& options, c
   } else if (impulses.error == INFINITY && !decided) {
     result.code = UNDECIDED;
   } else {
-    const ClusterImpulses frictionless = impulses;
-    if (has_friction) impulses = least_work_friction(assembly, impulses, options.tolerance);
-    result.apply(assembly, impulses);
-    if (!decided && needs_fractions(assembly, frictionless, result)) result.code = UNDECIDED;
+    result.apply(assembly, has_friction ? least_work_friction(assembly, impulses, options.tolerance) : impulses);
+    if (!decided && needs_fractions(assembly, impulses, result)) result.code = UNDECIDED;
   }
   return result;
 }

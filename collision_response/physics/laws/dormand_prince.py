@@ -73,6 +73,8 @@ def step_error(e5: Scalar, e3: Scalar) -> Scalar:
 
 
 SAFETY = 0.9
+"""Steps are made shorter by this than their errors would allow."""
+
 LEAST_FACTOR, GREATEST_FACTOR = 0.2, 4
 """How much shorter or longer than the last one a step may be."""
 
@@ -87,5 +89,6 @@ def step_factor(ratio: Scalar, one: Scalar) -> Scalar:
         ratio: error of the last step relative to the error allowed.
         one: 1, as a number of the type that the path is computed with.
     """
+    # 1e-6 avoids a division by 0; the factor is then above the greatest.
     factor = SAFETY / square_root(square_root(square_root(ratio + 1e-6)))
     return maximum(minimum(factor, GREATEST_FACTOR * one), LEAST_FACTOR * one)

@@ -233,10 +233,11 @@ class PathFollower:
             if not turns and not ratio < math.inf:
                 turns = True
                 to, ratio = self._step(y, at, h, turns=True)
+            next_length = h * step_factor(ratio, 1.0)
             if not ratio <= 1:
-                length = h * step_factor(ratio, 1.0)
+                length = next_length
                 continue
-            length = max(length, h * step_factor(ratio, 1.0))
+            length = max(length, next_length)
             jams = jams or at.r * h < -self._path.tolerance
             y = to if self._remaining(to) > 0 else self._end_of_phase(y, at, h, to, turns=turns)
         return None
@@ -342,7 +343,7 @@ class PathFollower:
         pace = max(1.0, abs(to.u))  # u exceeds 1 if friction jams
         e5, e3 = (math.hypot(e[0], e[1]) / size + abs(e[2]) / pace for e in (fifth, third))
         error = step_error(e5, e3) / (STEP_SHARE * self._path.tolerance)
-        return to, error if error >= 0 and not bends else math.inf
+        return to, error if error >= 0 and not bends else math.inf  # NaN is infinite, too
 
     def _end_of_phase(self, y: Point, at: Slope, h: float, to: Point, *, turns: bool) -> Point:
         """The point at which the phase ends, within a step of length ``h`` that leads across to ``to``.
