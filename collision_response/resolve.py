@@ -25,7 +25,7 @@ from .answer import Impact, relative_difference
 from .arguments import check_number
 from .geometry import reduce_body, reduce_contact
 from .in_python import arbitrary_precision, exact_fractions, friction_along_path
-from .in_python.coefficients_at_speed import TO_THE_LAST_DIGIT, initial_friction, restitution_at_speed
+from .in_python.coefficients_at_speed import approach_speed, initial_friction, restitutions_at_speeds
 from .in_python.request_numbers import read_request
 from .kernels import library
 from .kernels.protocol import Handover
@@ -218,9 +218,8 @@ def _with_initial_coefficients(body_a: Body, body_b: Body, contact: Contact, mod
         mu = 0.0 if law is Law.FRICTIONLESS else initial_friction(body_a, body_b, contact, law)
         contact = contact._replace(friction=mu)
     if callable(contact.restitution):
-        plastic = contact._replace(restitution=0.0, friction=0.0)
-        normal_velocity = resolve(body_a, body_b, plastic, TO_THE_LAST_DIGIT).normal_velocity_before
-        e = restitution_at_speed(max(-normal_velocity, 0.0), contact, "contact")
+        speed = approach_speed(body_a, body_b, contact)
+        (e,) = restitutions_at_speeds([speed], [contact], ["contact"])
         contact = contact._replace(restitution=e)
     return contact
 

@@ -559,6 +559,46 @@ def test_scenes_are_read_and_replayed(recording, capsys):
     )
 
 
+def slower_bounces_more(speed):
+    return 0.75 / (1 + speed)
+
+
+@pytest.mark.parametrize("law", [Law.AUTO, Law.FRICTIONLESS, Law.MOREAU])
+@pytest.mark.parametrize("restitution_threshold", [0.0, 0.9, 2.0])
+def test_coefficients_that_are_functions_are_recorded_with_their_values(
+    recording, law, restitution_threshold, capsys
+):
+    """Their values, not what was used: the restitution of a cluster, or 0 below the threshold."""
+    model = ImpactModel(law, restitution_threshold=restitution_threshold)
+    spinning = (1 / 6, 0, 0, 1 / 6, 0, 1 / 6), (0.0, 0.0, 0.5), None, (0.25, 0.1, -1.0), (0.125, 0.25, 0.0)
+    box, rising = Body.dynamic(1.0, *spinning), Body.dynamic(1.0, velocity=(0.0, 0.0, 1.0))
+    given = [slower_bounces_more, 0.25, slower_bounces_more, 0.5]
+    frictions = [0.25, lambda slip: slip / (1 + slip), 0.25, 0.0]
+    corners = [(x, y, 0.0) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
+    touches = list(zip(corners, given, frictions, strict=True))
+    contacts = [Contact.of(corner, (0.0, 0.0, 0.7), e, mu) for corner, e, mu in touches]
+    apart = contacts[0]._replace(position=rising.position)
+    asked = [box, rising, FLOOR], [*[(0, 2)] * 4, (1, 2), (0, 2)], [*contacts, apart, contacts[0]], model
+    scene = SceneRecord(1, 1, ["box", "ball", "floor"], *asked, resolve_scene(*asked))
+    smooth_at_rest = contacts[0]._replace(friction=lambda slip: min(slip, 0.5))
+    falling = Body.dynamic(1.0, velocity=(0.0, 0.0, -1.0))
+    point = smooth_at_rest._replace(position=falling.position)
+    alone = [falling, FLOOR], [(0, 1)], [point], model
+    path = recording(
+        [
+            scene,
+            SceneRecord(2, 2, ["ball", "floor"], *alone, resolve_scene(*alone)),
+            record(3, (box, FLOOR, contacts[0], model)),
+            record(4, (falling, FLOOR, point, model)),
+            record(5, (rising, FLOOR, apart, model)),
+        ]
+    )
+    assert main(["replay", str(path)]) == 0
+    assert (
+        capsys.readouterr().out == "3 impacts and 2 scenes computed again, 0 of them with different answers\n"
+    )
+
+
 def test_scenes_are_reported(recording, capsys):
     path = recording([scene(1), scene(2, Law.FRICTIONLESS)])
     assert main(["report", str(path)]) == 0

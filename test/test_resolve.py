@@ -730,6 +730,17 @@ def test_a_normal_of_any_length_reports_the_same_of_bodies_that_separate(precisi
         assert getattr(found, field) == pytest.approx(getattr(usual, field), rel=rounding)
 
 
+@pytest.mark.parametrize("lift", [0.0, 0.25])
+def test_single_precision_does_not_round_a_twist_that_nothing_changes(lift):
+    """A belt moves on as it is given, whatever hits it; so does a body that does not approach."""
+    belt = Body.kinematic((0, 0, 0), velocity=(0.1, 0, lift / -3), angular_velocity=(0, 0, 0.3))
+    ball = Body.sphere(1.0, 0.5, position=(0, 0, 0.5), velocity=(0.1, 0, 0.7 if lift else -0.7))
+    contact = Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.3)
+    impact = resolve(ball, belt, contact, ImpactModel(precision=Precision.SINGLE))
+    assert impact.twist_b == (belt.velocity, belt.angular_velocity)
+    assert (impact.twist_a == (ball.velocity, ball.angular_velocity)) == (lift > 0)
+
+
 def test_a_forced_geometry_of_fractions_bounds_what_floats_round():
     ball = Body.sphere(F(1), F(1, 10), position=(0, 0, F(1, 10)), velocity=(0, 0, F(-1, 3)))
     contact = Contact.of((F(1, 10**30), 0, 0), (0, 0, 1), F(1, 2))

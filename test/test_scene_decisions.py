@@ -283,3 +283,38 @@ def test_a_row_between_walls_gains_no_energy(count, masses, law):
             if e > 0 and count > 7:
                 assert Adjustment.NO_REBOUND in answer.adjustments
                 assert (Adjustment.LAW_FALLBACK in answer.adjustments) == (law is Law.MOREAU)
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("options", [{}, {"orders": 1}], ids=["kernels", "python"])
+@pytest.mark.parametrize(
+    ("velocity", "normal"),
+    [
+        ((0.0, 0.0, -0.1), (0.0, 0.0, 1.0)),
+        ((0.0, 0.0, -0.1), (0.0, 0.0, 0.7)),
+        ((-1 / 3, -2 / 3, -2 / 3), (1.0, 2.0, 2.0)),
+        ((-0.1, -0.2, -0.3), (0.1, 0.2, 0.3)),
+        ((-0.3, 0.7, -1e-9), (3e80, 1e80, 2e80)),
+        ((-1e-300, 0.0, -3e-300), (1e-200, 0.0, 1e-200)),
+    ],
+)
+@pytest.mark.parametrize("ulps", [-1, 0, 1])
+def test_a_restitution_threshold_next_to_the_approach_speed(velocity, normal, ulps, options, law):
+    """Exactly at the threshold there is restitution; below it by less than any rounding there is none."""
+    square = F(sum(F(v) * F(n) for v, n in zip(velocity, normal, strict=True))) ** 2
+    length_square = sum(F(n) ** 2 for n in normal)
+    length = math.hypot(*normal)
+    threshold = abs(sum(v * (n / length) for v, n in zip(velocity, normal, strict=True)))
+    for _ in range(abs(ulps)):
+        threshold = math.nextafter(threshold, math.inf * ulps)
+    is_below = square < F(threshold) ** 2 * length_square
+    ball = Body.dynamic(1.0, (0.5, 0, 0, 0.5, 0, 0.5), velocity=velocity)
+    touches = [Contact.of((x, 0, 0), normal, 0.5) for x in (0.0, 0.25)]
+    model = ImpactModel(law, restitution_threshold=threshold)
+    answer = resolve_scene([ball, Body.static()], [(0, 1)] * 2, touches, model, **options)
+    assert (Adjustment.RESTITUTION_THRESHOLD in answer.adjustments) == is_below
+    assert {contact.restitution for contact in answer.contacts} == {0.0 if is_below else 0.5}
+    if law is Law.COULOMB:  # has no answer in fractions
+        return
+    exact = Scene([ball, Body.static()], [(0, 1)] * 2, touches).in_fractions()
+    assert exact.resolve(law, restitution_threshold=threshold).contacts == answer.contacts

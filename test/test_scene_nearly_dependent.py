@@ -501,7 +501,7 @@ def test_the_restitution_of_many_nearly_dependent_contacts_is_in_the_bound_if_th
 @pytest.mark.parametrize("lift", [0.0, 0.3])
 def test_unequal_restitutions_of_flat_boxes_are_decided_in_double_double(size, levels, lift, monkeypatch):
     """Parallel normals depend on each other to all digits, wherever the corners are."""
-    monkeypatch.setattr("collision_response.scene.in_fractions._in_fractions", None)
+    monkeypatch.setattr("collision_response.scene.in_fractions.cluster_in_fractions", None)
     x, y, z = size
     bodies = [
         Body.box(0.37 * (i + 1), size, position=(0.1 * i, 0, (i + 0.5) * z), velocity=(0, 0, -1))

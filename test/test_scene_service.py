@@ -307,11 +307,13 @@ def test_pairs_of_materials_apply_in_scenes(graph, tmp_path):
         ball, Body.static(), up._replace(restitution=0.5, friction=0.25, tangential_restitution=0.75)
     )
     assert xyz(both.impulses[0]) == tuple(alone.impulse)
+    assert list(both.tangential_restitutions) == [0.75, 0.0]
     with_own = ask([(0, 2)], tangential_restitution=0.125)
     alone = resolve(
         ball, Body.static(), up._replace(restitution=0.5, friction=0.25, tangential_restitution=0.125)
     )
     assert xyz(with_own.impulses[0]) == tuple(alone.impulse)
+    assert list(with_own.tangential_restitutions) == [0.125]
     cluster = ask([(0, 2), (0, 1)])
     assert (cluster.status.code, cluster.status.message[:35]) == (
         StatusCode.INVALID_MODEL,

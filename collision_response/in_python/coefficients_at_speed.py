@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from .. import validity
 from ..arguments import check_number
@@ -19,21 +19,6 @@ from ..status import ImpactError, StatusCode
 from .request_numbers import body_as_fractions, contact_as_fractions, read_request
 
 
-def restitution_at_speed(speed: Scalar, contact: Contact, field: str) -> float:
-    """Evaluate the restitution of a contact, a function, at an approach speed [m/s].
-
-    Args:
-        speed: the approach speed [m/s], >= 0.
-        contact: the contact.
-        field: the name of the contact, for the error.
-
-    Raises:
-        ImpactError: INVALID_COEFFICIENT or NOT_FINITE, if the value is not in [0, 1]. OUT_OF_RANGE, if the
-            speed is beyond float64.
-    """
-    return _evaluate(contact.restitution, _as_float(speed), 1.0, f"{field}.restitution(approach_speed)")
-
-
 def friction_at_speed(speed: float, contact: Contact) -> float:
     """Evaluate the friction of a contact, a function, at a slip speed [m/s].
 
@@ -41,6 +26,48 @@ def friction_at_speed(speed: float, contact: Contact) -> float:
         ImpactError: INVALID_COEFFICIENT or NOT_FINITE, if the value is negative or not finite.
     """
     return _evaluate(contact.friction, speed, math.inf, "contact.friction(slip_speed)")
+
+
+def approach_speed(body_a: Body, body_b: Body, contact: Contact) -> float:
+    """Return the approach speed before the impact, correct to rounding; 0 if the bodies separate [m/s].
+
+    Raises:
+        ImpactError: OUT_OF_RANGE, if the speed is beyond float64. Others, if the request breaks a rule of
+            :mod:`~collision_response.validity`.
+    """
+    plain = Contact(contact.position, contact.normal, 0.0, 0.0)
+    impact = library.resolve(body_a, body_b, plain, TO_THE_LAST_DIGIT, _leave_to_fractions)
+    if impact is None:
+        n, _, n_u = _kinematics_in_fractions(body_a, body_b, plain)
+        normal_velocity = _as_float(n_u / n.norm())
+    else:
+        normal_velocity = impact.normal_velocity_before
+    return max(-normal_velocity, 0.0)
+
+
+def restitutions_at_speeds(
+    speeds: Sequence[float], contacts: Sequence[Contact], fields: Sequence[str]
+) -> list[Scalar]:
+    """Return the restitution of each contact of a cluster, evaluated if it is a function.
+
+    A contact that does not approach may be struck by what the others do. It gets the value at the fastest
+    approach.
+
+    Args:
+        speeds: the approach speeds [m/s], >= 0.
+        contacts: the contacts.
+        fields: their names, for errors.
+
+    Raises:
+        ImpactError: INVALID_COEFFICIENT or NOT_FINITE, if a value is not in [0, 1].
+    """
+    fastest = max(speeds, default=0.0)
+    return [
+        _evaluate(contact.restitution, speed or fastest, 1.0, f"{field}.restitution(approach_speed)")
+        if callable(contact.restitution)
+        else contact.restitution
+        for speed, contact, field in zip(speeds, contacts, fields, strict=True)
+    ]
 
 
 def initial_friction(body_a: Body, body_b: Body, contact: Contact, law: Law) -> float:
@@ -102,11 +129,16 @@ def _leave_to_fractions(*request: object) -> None:
 
 
 def _slip_speed_by_fractions(body_a: Body, body_b: Body, contact: Contact) -> float:
-    validity.check(*read_request(body_a, body_b, contact._replace(friction=0.0)), 0.0)
-    bodies = body_as_fractions(body_a), body_as_fractions(body_b)
-    n, u, n_u = ContactKinematics.of(*bodies, contact_as_fractions(contact))[:3]
+    n, u, n_u = _kinematics_in_fractions(body_a, body_b, contact._replace(friction=0.0))
     square = u.dot(u) - n_u * n_u / n.dot(n)  # below 0 by what is locked of u, which is rounding
     return _as_float(square_root(maximum(square, 0 * square)))
+
+
+def _kinematics_in_fractions(body_a: Body, body_b: Body, contact: Contact) -> tuple[Vec3, Vec3, Scalar]:
+    """Return the normal as given, the relative velocity at the contact, and its product with the normal."""
+    validity.check(*read_request(body_a, body_b, contact), 0.0)
+    bodies = body_as_fractions(body_a), body_as_fractions(body_b)
+    return ContactKinematics.of(*bodies, contact_as_fractions(contact))[:3]
 
 
 def _as_float(speed: Scalar) -> float:

@@ -84,10 +84,15 @@ PyObject* resolve_by_law(PyObject* self, PyObject* args) {
                        adjustments_of(cluster, result), result.fault, result.faulty);
 }
 
-// normal_velocities(): of each contact before the impact [m/s].
-PyObject* normal_velocities(PyObject* self, PyObject*) {
+// approaches_below(threshold): whether each contact approaches, slower than a threshold [m/s]; None: unknown.
+PyObject* approaches_below(PyObject* self, PyObject* given) {
+  const double threshold = PyFloat_AsDouble(given);
+  if (PyErr_Occurred()) return nullptr;
   const auto& contacts = assembly_of(self).contacts;
-  return listed(contacts.size(), [&](size_t i) { return PyFloat_FromDouble(contacts[i].axes[0].velocity); });
+  return listed(contacts.size(), [&](size_t i) {
+    const std::optional<bool> is_below = contacts[i].approaches_below(threshold);
+    return is_below ? PyBool_FromLong(*is_below) : Py_NewRef(Py_None);
+  });
 }
 
 // contradictory_contacts(): the few contacts that seem to contradict each other, or an empty list.
@@ -102,7 +107,7 @@ PyObject* get_approach_is_uncertain(PyObject* self, void*) {
 }
 
 PyMethodDef methods[] = {METHOD("resolve", resolve_by_law, METH_VARARGS),
-                         METHOD("normal_velocities", normal_velocities, METH_NOARGS),
+                         METHOD("approaches_below", approaches_below, METH_O),
                          METHOD("contradictory_contacts", find_contradictory_contacts, METH_NOARGS),
                          {}};
 PyGetSetDef fields[] = {{"is_locked", get_is_locked, nullptr, "", nullptr},

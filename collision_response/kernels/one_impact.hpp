@@ -4,6 +4,7 @@
 #include "numbers.hpp"
 #include "constants.hpp"
 
+#include <algorithm>
 #include <limits>
 
 struct ImpactResult {
@@ -62,4 +63,11 @@ INLINE void compute_impact(F impact, const double* input, const double* error, I
     if constexpr (!std::is_same_v<Value<N>, T>) result->error[i] += __builtin_fabs(result->change[i]) * 0x1p-53;
   }
   for (int i = 0; i < REPORTED; ++i) result->reported[i] = reported[i];
+  if constexpr (std::is_same_v<T, float>) {  // a twist that nothing changes is not rounded
+    for (int side = 0; side < 2; ++side) {
+      const double* change = result->twist_change(side);
+      const bool is_changed = std::any_of(change, change + 6, [](double x) { return x != 0; });
+      if (!is_changed) std::copy_n(input + side * BODY + BODY_VELOCITY_X, 6, result->reported + 6 * side);
+    }
+  }
 }

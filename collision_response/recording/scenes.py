@@ -17,7 +17,7 @@ from ..scene.answer import NUMBERS
 from . import table
 from .record import SceneRecord
 from .rerun_sdk import pa
-from .table import changed_columns, columns_of, contact_of, model_of, numbers_of_contact
+from .table import changed_columns, columns_of, contact_of, model_of, numbers_of_contacts
 
 TABLE = "/scenes"
 
@@ -68,14 +68,18 @@ def _answer_of(impact: SceneImpact) -> dict[str, Any]:
 
 
 def _request_of(row: SceneRecord) -> dict[str, Any]:
-    contacts = zip(row.contacts, row.impact.contacts, strict=True)
+    contacts: list[Any] = [None] * len(row.contacts)
+    for cluster in row.impact.clusters:
+        pairs = [(i, *row.pairs[i]) for i in cluster]
+        requests = [(row.bodies[a], row.bodies[b], row.contacts[i]) for i, a, b in pairs]
+        numbers = numbers_of_contacts(requests, [row.impact.contacts[i] for i in cluster])
+        for i, of_contact in zip(cluster, numbers, strict=True):
+            contacts[i] = of_contact
     return {
         "bodies": [*row.names],
         "request_bodies": [float(x) for body in row.bodies for x in body_to_numbers(body)],
         "request_pairs": [float(i) for pair in row.pairs for i in pair],
-        "request_contacts": [
-            float(x) for requested, used in contacts for x in numbers_of_contact(requested, used)
-        ],
+        "request_contacts": [float(x) for numbers in contacts for x in numbers],
         "request_model": [float(x) for x in row.model],
     }
 

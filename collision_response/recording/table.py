@@ -17,6 +17,7 @@ import numpy as np
 from .. import Body, Contact, Geometry, ImpactError, ImpactModel, Law, Precision, resolve
 from ..answer import NUMBERS
 from ..body_conversions import ROWS, body_from_numbers, body_to_numbers
+from ..in_python.coefficients_at_speed import approach_speed, restitutions_at_speeds
 from ..model import ENUMERATIONS
 from ..physics.inverse_inertia import InverseInertia
 from ..physics.vector import Vec3
@@ -76,7 +77,9 @@ def _request_of(row: Record) -> dict[str, list[float]]:
     return {
         "request_a": body_to_numbers(row.body_a),
         "request_b": body_to_numbers(row.body_b),
-        "request_contact": numbers_of_contact(row.contact, row.impact.contact),
+        "request_contact": numbers_of_contacts([(row.body_a, row.body_b, row.contact)], [row.impact.contact])[
+            0
+        ],
         "request_model": [*row.model],
     }
 
@@ -87,12 +90,31 @@ def _inverse_inertias_of(row: Record) -> dict[str, list[float]]:
     return {name: [*(one or rigid)] for name, one in zip(OF_ARTICULATED, both, strict=True)}
 
 
-def numbers_of_contact(requested: Contact, used: Contact) -> list[float]:
-    """Numbers of a requested contact, with the values used for coefficients that are functions."""
-    e_t = requested.tangential_restitution
-    e = used.restitution if callable(requested.restitution) else requested.restitution
-    mu = used.friction if callable(requested.friction) else requested.friction
-    return [*requested.position, *requested.normal, e, mu, math.nan if e_t is None else e_t]
+def numbers_of_contacts(
+    requests: Sequence[tuple[Body, Body, Contact]], used: Sequence[Contact]
+) -> list[list[float]]:
+    """Numbers of the contacts of a cluster, with values at first touch for coefficients that are functions.
+
+    The restitution that was used may be another one: that of the cluster, or 0 below the restitution
+    threshold.
+
+    Args:
+        requests: for each contact, its body_a, its body_b, and the contact as requested.
+        used: the contacts with the coefficients that were used.
+    """
+    contacts = [contact for _, _, contact in requests]
+    restitutions = [contact.restitution for contact in contacts]
+    if any(map(callable, restitutions)):
+        speeds = [approach_speed(*request) for request in requests]
+        restitutions = restitutions_at_speeds(speeds, contacts, ["contact"] * len(contacts))
+    frictions = [
+        u.friction if callable(c.friction) else c.friction for c, u in zip(contacts, used, strict=True)
+    ]
+    own = [c.tangential_restitution for c in contacts]
+    return [
+        [*contact.position, *contact.normal, e, mu, math.nan if e_t is None else e_t]
+        for contact, e, mu, e_t in zip(contacts, restitutions, frictions, own, strict=True)
+    ]
 
 
 def impact_columns(rows: Sequence[Record]) -> Any:

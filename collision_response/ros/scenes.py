@@ -246,6 +246,9 @@ def write_answer(
     result.contacts = contacts
     for message, contact in zip(result.contacts, impact.contacts, strict=True):
         message.restitution, message.friction = float(contact.restitution), contact.friction
+    e_t = impact.model.tangential_restitution
+    own = [contact.tangential_restitution for contact in impact.contacts]
+    result.tangential_restitutions = [float(e_t if of_pair is None else of_pair) for of_pair in own]
     result.restitution_from = [of_contact.restitution.source for of_contact in coefficients]
     result.restitution_rules = [of_contact.restitution.rule for of_contact in coefficients]
     result.friction_from = [of_contact.friction.source for of_contact in coefficients]

@@ -8,12 +8,13 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..arguments import check_number
-from ..in_python.coefficients_at_speed import initial_friction, restitution_at_speed
-from ..in_python.request_numbers import as_fraction
+from ..in_python.coefficients_at_speed import approach_speed, initial_friction, restitutions_at_speeds
+from ..in_python.request_numbers import as_fraction, body_as_fractions, contact_as_fractions
 from ..kernels import library
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Law
+from ..physics.vector import Vec3
 from ..status import ImpactError, StatusCode
 from .copies import DistinctContacts
 from .find_clusters import Pair
@@ -83,9 +84,26 @@ def assemble(scene: SceneRequest, distinct: DistinctContacts, options: SceneOpti
         a, b = scene.pairs[i]
         pairs.append((places.setdefault(a, len(places)), places.setdefault(b, len(places))))
     contacts = [_with_friction_as_number(scene, i, options.law) for i in distinct.indices]
+    contacts = _with_restitution_as_number(scene, distinct.indices, contacts, exact=options.exact)
     bodies = [scene.bodies[body] for body in places]
     parts = ClusterParts(bodies, pairs, contacts, distinct.counts, distinct.indices, list(places))
-    return _with_restitution(scene, parts, options)
+    return _in_numbers_with_threshold(scene, parts, options)
+
+
+def with_frictions_as_numbers(scene: SceneRequest) -> SceneRequest:
+    """Return the scene for the law AUTO, which depends on whether a contact has friction.
+
+    Raises:
+        ImpactError: if a body or a contact is invalid; ``field`` names it.
+        TypeError: if something is not a number.
+    """
+    if not any([callable(contact.friction) for contact in scene.contacts]):
+        return scene
+    contacts = [
+        _with_friction_as_number(scene, i, Law.COULOMB) if callable(contact.friction) else contact
+        for i, contact in enumerate(scene.contacts)
+    ]
+    return scene._replace(contacts=contacts, has_friction=any([c.friction > 0 for c in contacts]))
 
 
 def _with_friction_as_number(scene: SceneRequest, i: int, law: Law) -> Contact:
@@ -104,31 +122,66 @@ def _with_friction_as_number(scene: SceneRequest, i: int, law: Law) -> Contact:
     return contact._replace(friction=with_scene_names(ContactIndices(i, a, b), initial_friction, *given))
 
 
-def _with_restitution(scene: SceneRequest, parts: ClusterParts, options: SceneOptions) -> AssembledCluster:
-    """Return the cluster with numbers for restitution.
+def _with_restitution_as_number(
+    scene: SceneRequest, indices: Sequence[int], contacts: list[Contact], *, exact: bool
+) -> list[Contact]:
+    """Return contacts with numbers for restitution, evaluated at the approach speeds if it is a function."""
+    if not any([callable(contact.restitution) for contact in contacts]):
+        return contacts
+    speeds = []
+    for i, contact in zip(indices, contacts, strict=True):
+        a, b = scene.pairs[i]
+        given = scene.bodies[a], scene.bodies[b], contact
+        speeds.append(with_scene_names(ContactIndices(i, a, b), approach_speed, *given))
+    values = restitutions_at_speeds(speeds, contacts, [f"contacts[{i}]" for i in indices])
+    if exact:
+        values = list(map(as_fraction, values))
+    return [c._replace(restitution=e) for c, e in zip(contacts, values, strict=True)]
 
-    Restitution that is a function of the approach speed, or subject to the restitution threshold, needs the
-    speeds: then the cluster is assembled a second time, with the restitution that they give.
+
+def _in_numbers_with_threshold(
+    scene: SceneRequest, parts: ClusterParts, options: SceneOptions
+) -> AssembledCluster:
+    """Return the cluster, without restitution where an approach is slower than the restitution threshold.
+
+    That needs the speeds: where there is such an approach, the cluster is assembled a second time.
     """
-    given, threshold = parts.contacts, as_fraction(options.model.restitution_threshold)
-    has_function = any([callable(contact.restitution) for contact in given])
-    if has_function:
-        numbers = [c._replace(restitution=1.0) if callable(c.restitution) else c for c in given]
-        parts = parts._replace(contacts=numbers)
     cluster, parts = _in_numbers(scene, parts, options.exact)
-    if not (has_function or threshold):
+    threshold, contacts = as_fraction(options.model.restitution_threshold), list(parts.contacts)
+    if not threshold:
         return AssembledCluster(cluster, parts, False)
-    speeds = [-u for u in cluster.normal_velocities()]
-    fastest, is_slow, contacts = max(0.0, *speeds), False, []
-    for original, contact, speed, i in zip(given, parts.contacts, speeds, parts.indices, strict=True):
-        e = contact.restitution
-        if callable(original.restitution):
-            e = restitution_at_speed(speed if speed > 0 else fastest, original, f"contacts[{i}]")
-        if 0 < speed < threshold and e > 0:
-            e, is_slow = e * 0, True
-        contacts.append(contact._replace(restitution=Fraction(e) if options.exact else float(e)))
-    cluster, parts = _in_numbers(scene, parts._replace(contacts=contacts), options.exact)
-    return AssembledCluster(cluster, parts, is_slow)
+    for i, is_below in enumerate(cluster.approaches_below(threshold)):
+        e = contacts[i].restitution
+        if e > 0 and (_approaches_below(parts.select([i]), threshold) if is_below is None else is_below):
+            contacts[i] = contacts[i]._replace(restitution=e * 0)
+    if contacts == parts.contacts:
+        return AssembledCluster(cluster, parts, False)
+    return AssembledCluster(*_in_numbers(scene, parts._replace(contacts=contacts), options.exact), True)
+
+
+def _approaches_below(parts: ClusterParts, threshold: Fraction) -> bool:
+    """Whether a contact approaches, slower than the threshold, where the kernels cannot tell."""
+    (is_below,) = cluster_in_fractions(parts).approaches_below(threshold)
+    return is_below
+
+
+def cluster_in_fractions(parts: ClusterParts) -> RationalCluster:
+    """Return a cluster in fractions, for the same impulses as the kernels' cluster of the same parts."""
+    bodies = list(map(body_as_fractions, parts.bodies))
+    contacts = [contact_as_fractions(_with_scaled_normal(c)) for c in parts.contacts]
+    return RationalCluster(bodies, parts.pairs, contacts, parts.counts)
+
+
+def _with_scaled_normal(contact: Contact) -> Contact:
+    """Return the contact with a very long or very short normal scaled by a power of two.
+
+    ``exponent_of`` of ``kernels/scene/assembled.hpp`` does the same. Impulses are multiples of the normal, so
+    both kinds of cluster must use the same normals.
+    """
+    _, exponent = math.frexp(max(map(abs, contact.normal)))
+    if abs(exponent) <= 100:
+        return contact
+    return contact._replace(normal=Vec3(*(math.ldexp(x, -exponent) for x in contact.normal)))
 
 
 def _in_numbers(scene: SceneRequest, parts: ClusterParts, exact: bool) -> tuple[AnyCluster, ClusterParts]:

@@ -18,11 +18,9 @@ from ..kernels.protocol import RATIONAL_CONTACTS
 from ..model import Adjustment
 from ..numbers.operations import Scalar
 from ..physics.column import Column
-from ..physics.contact import Contact
 from ..physics.laws import Law
-from ..physics.vector import Vec3
 from ..status import StatusCode
-from .assemble import ClusterParts
+from .assemble import ClusterParts, cluster_in_fractions
 from .cluster_result import ClusterResult
 from .in_kernels import NOTHING_DECIDED, Decided, resolve_in_kernels
 from .rational_cluster import RationalCluster, RationalImpulses
@@ -84,7 +82,8 @@ def _resolve_from_exact_impulses(
     Raises:
         ImpactError: CONTRADICTORY_CONTACTS, as :func:`decide`; OUT_OF_RANGE, if an impulse is beyond float64.
     """
-    exact, law, falls_back = _in_fractions(parts), options.law, has_friction and options.law is Law.MOREAU
+    exact, law = cluster_in_fractions(parts), options.law
+    falls_back = has_friction and law is Law.MOREAU
     if falls_back and exact.can_rebound():
         result = resolve_in_kernels(cluster, parts, options, law, NOTHING_DECIDED)
         if not result.adjustments & Adjustment.LAW_FALLBACK:
@@ -130,7 +129,7 @@ def _check_for_contradiction(cluster: library.Cluster, parts: ClusterParts) -> N
     is_small = len(parts.contacts) <= RATIONAL_CONTACTS
     suspects = range(len(parts.contacts)) if is_small else cluster.contradictory_contacts()
     if 0 < len(suspects) <= RATIONAL_CONTACTS:
-        exact = _in_fractions(parts.select(suspects))
+        exact = cluster_in_fractions(parts.select(suspects))
         exact.project(exact.no_impulses())
 
 
@@ -143,21 +142,3 @@ def _has_approach(parts: ClusterParts) -> bool:
         if u_a < u_b:
             return True
     return False
-
-
-def _in_fractions(parts: ClusterParts) -> RationalCluster:
-    bodies = list(map(body_as_fractions, parts.bodies))
-    contacts = [contact_as_fractions(_with_scaled_normal(c)) for c in parts.contacts]
-    return RationalCluster(bodies, parts.pairs, contacts, parts.counts)
-
-
-def _with_scaled_normal(contact: Contact) -> Contact:
-    """Return the contact with a very long or very short normal scaled by a power of two.
-
-    ``exponent_of`` of ``kernels/scene/assembled.hpp`` does the same. Impulses are multiples of the normal, so
-    both kinds of cluster must use the same normals.
-    """
-    _, exponent = math.frexp(max(map(abs, contact.normal)))
-    if abs(exponent) <= 100:
-        return contact
-    return contact._replace(normal=Vec3(*(math.ldexp(x, -exponent) for x in contact.normal)))

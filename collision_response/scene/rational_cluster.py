@@ -91,6 +91,10 @@ class RationalCluster:
         """Return the normal velocity of each contact before the impact [m/s]."""
         return [u / contact.normal.norm() for u, contact in zip(self._u, self._contacts, strict=True)]
 
+    def approaches_below(self, threshold: Fraction) -> list[bool]:
+        """Whether each contact approaches, slower than a threshold [m/s]."""
+        return [0 > square > -(threshold**2) for square in self._signed_squares(self._u)]
+
     def no_impulses(self) -> Numbers:
         """Return impulses of 0, except for those that contacts that hold need at once."""
         zero = [ZERO] * self.count

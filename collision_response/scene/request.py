@@ -192,9 +192,7 @@ def as_floats(
         given = bodies[a], bodies[b], contacts[i]
         _, errors = with_scene_names(own, library.numbers_with_errors, *given)
         if any(errors):
-            reason = (
-                "a number of it, or of its bodies, is no float: give fractions.Fraction for exact numbers"
-            )
+            reason = "a number of it, or of its bodies, is no float: give floats, or, without friction, fractions"
             raise ImpactError(StatusCode.INVALID_MODEL, f"contacts[{own.contact}]", reason)
         float_bodies[a], float_bodies[b], float_contacts[i] = read_request(*given)
     return float_bodies, float_contacts

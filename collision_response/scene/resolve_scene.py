@@ -21,6 +21,7 @@ from ..physics.vector import Vec3
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
 from .answer import SceneImpact
+from .assemble import with_frictions_as_numbers
 from .cluster_result import ClusterAnswer, ImpulseEffect
 from .copies import distinct_contacts, split_among_copies
 from .find_clusters import Pair, find_clusters
@@ -103,6 +104,8 @@ def resolve_scene(
             return answer
     check_model(model)
     scene = check_request(bodies, pairs, contacts)
+    if model.law is Law.AUTO:
+        scene = with_frictions_as_numbers(scene)
     law = law_for(model.law, has_friction=scene.has_friction)
     exact = library.has_fraction(scene.bodies) or library.has_fraction(scene.contacts)
     if stiffness is not None:

@@ -1,5 +1,7 @@
 // One body and one contact of a cluster, with the numbers that the arithmetic of the cluster needs.
 #pragma once
+#include <optional>
+
 #include "../numbers.hpp"
 #include "column.hpp"
 #include "constants.hpp"
@@ -150,6 +152,14 @@ struct AssembledContact {
   N jacobian[2][6], response[2][6];
   N velocity;  // normal velocity before the impact, times the length of the normal
   std::array<ContactAxis<double>, 3> axes;  // along the unit normal and two tangents
+
+  // Whether the contact approaches, slower than a threshold [m/s]; unknown if the errors of both leave it open.
+  std::optional<bool> approaches_below(double threshold) const {
+    const double speed = -axes[0].velocity;
+    if (!(speed > 0)) return false;
+    if (!(std::fabs(speed - threshold) > threshold * 0x1p-50 + width(velocity) / length)) return {};
+    return speed < threshold;
+  }
 
   double unit() const { return scale * length; }  // 1 / sqrt(n.K n) of the unit normal
 

@@ -40,8 +40,10 @@ ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& options, c
   }
   if (!decided && (assembly.is_locked || assembly.approach_is_uncertain())) return result;
   for (AssembledContact& contact : assembly.contacts) {
-    const double speed = -contact.axes[0].velocity;
-    if (!(speed > 0 && speed < options.restitution_threshold && contact.e > 0)) continue;
+    if (!(options.restitution_threshold > 0 && contact.e > 0)) continue;
+    const std::optional<bool> is_below = contact.approaches_below(options.restitution_threshold);
+    if (!is_below) return result;
+    if (!*is_below) continue;
     contact.e = 0;
     result.below_restitution_threshold = true;
   }

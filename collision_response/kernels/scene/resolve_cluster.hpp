@@ -57,6 +57,7 @@ inline int adjustments_of(const Cluster& cluster, const ClusterResult& result) {
 //   error has no bound.
 // * Double-double may be too coarse to tell whether a contact approaches, or reaches the threshold of reflections; or, even
 //   without friction, the error bound may be too large to be useful. Fractions help there too, if the cluster is small.
+// * Doubles may be too coarse to tell whether an approach is slower than the restitution threshold. Fractions decide that.
 // * MOREAU may have no solution, or one that creates energy. Then COULOMB answers, or FRICTIONLESS if there is no
 //   friction.
 //
