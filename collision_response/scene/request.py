@@ -184,15 +184,14 @@ def as_floats(
 
     Raises:
         TypeError: if something is not a number.
-        ImpactError: INVALID_MODEL, if a number is not exactly a float; give :class:`fractions.Fraction` for
-            exact numbers.
+        ImpactError: INVALID_MODEL, if a number is not exactly a float.
     """
     float_bodies, float_contacts = list(bodies), list(contacts)
     for i, ((a, b), own) in enumerate(zip(pairs, indices, strict=True)):
         given = bodies[a], bodies[b], contacts[i]
         _, errors = with_scene_names(own, library.numbers_with_errors, *given)
         if any(errors):
-            reason = "a number of it, or of its bodies, is no float: give floats, or, without friction, fractions"
+            reason = "a number of it, or of a body, is no float: give floats, or, without friction, fractions"
             raise ImpactError(StatusCode.INVALID_MODEL, f"contacts[{own.contact}]", reason)
         float_bodies[a], float_bodies[b], float_contacts[i] = read_request(*given)
     return float_bodies, float_contacts
