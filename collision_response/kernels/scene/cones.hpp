@@ -82,8 +82,10 @@ class Cones {
     for (Vector* one : {&x, &gradient, &step}) one->resize(graph.size());
     slopes.resize(cones.size());
     multipliers.resize(kept_velocities.size());
-    for (const Cone<R>& cone : cones)
-      for (const R& w : cone.w) fastest_slip = std::fmax(fastest_slip, std::fabs(high(w)));
+    for (const Cone<R>& cone : cones) {
+      const double slip = std::hypot(high(cone.w[1]), high(cone.w[2]));
+      fastest_slip = std::fmax(fastest_slip, std::fmax(std::fabs(high(cone.w[0])), slip));
+    }
     for (const Cone<R>& cone : cones) stiffest = std::fmax(stiffest, stiffness(cone));
     equations.lay_out(cones, graph);
     if (!is_scalar<R>) rounded_equations.lay_out(cones, graph);
@@ -248,7 +250,7 @@ class Cones {
   static constexpr double ROUNDING = Traits<R>::roundoff * 8;
 
   int body_count;
-  double fastest_slip = 0;  // the greatest component of w
+  double fastest_slip = 0;  // the greatest w along a normal, or across it
   double stiffest = 0;  // the greatest sigma
   Vector x;  // eta, lambda
   Vector multipliers;  // lambda_0

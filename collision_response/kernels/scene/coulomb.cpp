@@ -22,7 +22,7 @@
 // their order.
 //
 // For one contact this is Chatterjee & Ruina's law in each of three cases: in the plane; where the contact sticks; and
-// where normal and slip are uncoupled. In space, sliding, they differ by up to 23 % of the impulse.
+// where normal and slip are uncoupled. In space, sliding, this one takes more energy: docs/scenes.md has figures.
 //
 // Impulses and velocities are along the axes of each contact: the unit normal and two tangents. Doubles solve the
 // programme; where their bound on the error is too large, double-double solves it again.

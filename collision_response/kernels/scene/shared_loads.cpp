@@ -11,13 +11,14 @@ namespace {
 
 constexpr double SHARING = 1e-9;  // for contacts whose normals or lever arms differ by 3e-5
 
-// The velocity that walls have on average, over all contacts. The work of walls is that which an observer sees who moves
+// The velocity that walls have on average, over some contacts. The work of walls is that which an observer sees who moves
 // with it, so that it is the same for every observer.
-std::array<double, 3> mean_velocity_of_walls(const Assembly& assembly) {
+std::array<double, 3> mean_velocity_of_walls(const Assembly& assembly, const std::vector<int>& among) {
   std::array<double, 3> mean{};
   double count = 0;
-  for (const AssembledContact& contact : assembly.contacts)
+  for (int i : among)
     for (int side = 0; side < 2; ++side) {
+      const AssembledContact& contact = assembly.contacts[i];
       count += contact.body[side] < 0;
       for (int k = 0; contact.wall[side] >= 0 && k < 3; ++k)
         mean[k] += assembly.walls[contact.wall[side]].x[BODY_VELOCITY_X + k];
@@ -37,17 +38,19 @@ DD wall_velocity(const Assembly& assembly, const AssembledContact& contact, int 
 
 // The loads >= 0 of nearly the same effect with nearly the least norm: those that minimise the square of the difference
 // in the effect, plus SHARING times the norm. Walls that move apart are one more body, which their work moves.
-Vector share_nearly(const Assembly& assembly, const Vector& loads) {
-  const int count = assembly.count, walls = assembly.body_count;
+// Only the contacts `among` have any.
+Vector share_nearly(const Assembly& assembly, const Vector& loads, const std::vector<int>& among) {
+  const int walls = assembly.body_count;
   const double greatest = greatest_of(loads);
   double fastest = 0, mean = 0;
-  for (const AssembledContact& contact : assembly.contacts) {
+  for (int i : among) {
+    const AssembledContact& contact = assembly.contacts[i];
     fastest = std::fmax(fastest, std::fabs(high(contact.velocity)) * contact.scale);
-    mean += contact.unit() * contact.unit() / count;
+    mean += contact.unit() * contact.unit() / static_cast<double>(among.size());
   }
-  const std::array<double, 3> drift = mean_velocity_of_walls(assembly);
+  const std::array<double, 3> drift = mean_velocity_of_walls(assembly, among);
   Cones<DD> programme(walls + assembly.walls_move_apart);
-  for (int i = 0; i < count; ++i) {
+  for (int i : among) {
     const AssembledContact& contact = assembly.contacts[i];
     Cone<DD> cone = cone_of(contact, assembly.axes_of<DD>(contact), 1, 1 / mean);
     cone.mu = 0;
@@ -62,8 +65,8 @@ Vector share_nearly(const Assembly& assembly, const Vector& loads) {
   programme.aim_at(programme.motion());
   programme.prepare();
   programme.solve_from_zero(1 / SHARING);
-  Vector shared;
-  for (const auto& P : programme.P) shared.push_back(P[0].h * greatest);
+  Vector shared(assembly.count);
+  for (size_t k = 0; k < among.size(); ++k) shared[among[k]] = programme.P[k][0].h * greatest;
   return shared;
 }
 
@@ -95,19 +98,16 @@ struct RoundedLoads {
   double part_of(int contact, double load) const { return load > none[contact] ? load / full[contact] : 0; }
 };
 
-// Loads relative to the greatest of the body that has less, and at least to `least`.
-Vector relative_loads(const Assembly& assembly, const Vector& loads, double least) {
-  Vector relative(assembly.count), most(assembly.body_count);  // most: the greatest load of each body
+// For each contact the greatest load of a body: of that of its two bodies which has less.
+Vector loads_nearby(const Assembly& assembly, const Vector& loads) {
+  Vector nearby(assembly.count, INFINITY), most(assembly.body_count);  // most: the greatest load of each body
   for (int i = 0; i < assembly.count; ++i)
     for (int body : assembly.contacts[i].body)
       if (body >= 0) most[body] = std::fmax(most[body], loads[i]);
-  for (int i = 0; i < assembly.count; ++i) {
-    double nearby = INFINITY;
+  for (int i = 0; i < assembly.count; ++i)
     for (int body : assembly.contacts[i].body)
-      if (body >= 0) nearby = std::fmin(nearby, most[body]);
-    relative[i] = loads[i] / std::fmax(nearby, least);
-  }
-  return relative;
+      if (body >= 0) nearby[i] = std::fmin(nearby[i], most[body]);
+  return nearby;
 }
 
 }  // namespace
@@ -128,27 +128,32 @@ SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p) {
   const Vector loads = loads_of(assembly, shared);
   const double greatest = greatest_of(loads);
   SharedLoads result{loads, greatest, Vector(count)};
-  const Vector exactly = relative_loads(assembly, loads, NO_LOAD * greatest);
+  const double no_load = NO_LOAD * greatest;
+  const Vector nearby = loads_nearby(assembly, loads);
+  std::vector<int> touched;  // contacts of bodies that all have a load to share
+  for (int i = 0; i < count; ++i)
+    if (nearby[i] > no_load) touched.push_back(i);
   std::optional<RoundedLoads> rounded;  // found if needed
-  Vector nearly_shared, nearly;  // the same
+  Vector nearly_shared, shared_nearby;  // the same
   for (int i = 0; i < count; ++i) {
-    double part = exactly[i] > SMALL && loads[i] > NO_LOAD * greatest;
-    if (exactly[i] < NEVER_ROUNDING && loads[i] > 0 && is_independent(i)) {
+    const double exactly = loads[i] / std::fmax(nearby[i], no_load);
+    double part = exactly > SMALL && loads[i] > no_load;
+    if (exactly < NEVER_ROUNDING && loads[i] > 0 && is_independent(i)) {
       if (!rounded) rounded.emplace(assembly);
       part = rounded->part_of(i, loads[i] / greatest);
     }
-    if (!(part >= 1)) {
-      // Sharing gives loads of about SHARING to bodies that have none.
-      if (nearly.empty()) {
-        nearly_shared = share_nearly(assembly, loads);
-        nearly = relative_loads(assembly, nearly_shared, SHARING / LEAST * greatest);
+    if (!(part >= 1) && nearby[i] > no_load) {
+      if (nearly_shared.empty()) {
+        nearly_shared = share_nearly(assembly, loads, touched);
+        shared_nearby = loads_nearby(assembly, nearly_shared);
       }
-      part = std::fmax(part, nearly[i]);
+      // Sharing gives loads of about SHARING to bodies that have hardly any.
+      part = std::fmax(part, nearly_shared[i] / std::fmax(shared_nearby[i], SHARING / LEAST * greatest));
     }
     result.part[i] = part > LEAST ? std::fmin(part, 1) : 0;
   }
   // Loads that small differences decide are known to few digits, those that are nearly shared to all.
-  for (int i = 0; i < count && !nearly.empty(); ++i)
+  for (int i = 0; i < count && !nearly_shared.empty(); ++i)
     if (result.part[i] >= 1) result.loads[i] = nearly_shared[i];
   return result;
 }

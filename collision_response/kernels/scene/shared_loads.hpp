@@ -3,7 +3,7 @@
 // Impulses of the same effect, as at the four corners of a box, are shared: others would depend on the order of the
 // contacts. A contact that is loaded then takes full part. One that is loaded only where loads of nearly the same effect
 // are shared takes less, as the fourth corner of a box whose corners are slightly off a plane; and so does one whose load
-// may be rounding.
+// may be rounding. A contact of a body without any load takes none: it parts.
 #pragma once
 #include "assembly.hpp"
 
