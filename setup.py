@@ -12,8 +12,9 @@ import tempfile
 from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
+from typing import ClassVar
 
-from setuptools import Distribution, setup
+from setuptools import Command, Distribution, setup
 from setuptools.command.build import build
 
 SOURCE = Path(__file__).resolve().parent
@@ -70,6 +71,7 @@ def build_and_stage() -> None:
     """Build the package with CMake and install it into ``STAGE``."""
     prefix, binaries = ros_prefix(), Path(WORK.name, "cmake")
     environment = {**os.environ, "AMENT_PREFIX_PATH": str(prefix), "CMAKE_PREFIX_PATH": str(prefix)}
+    environment.pop("DESTDIR", None)  # is for what the wheel is installed into
 
     def cmake(*arguments: object) -> None:
         subprocess.run(["cmake", *map(str, arguments)], env=environment, check=True)
@@ -111,6 +113,19 @@ class Build(build):
         self.distribution.data_files = list(data.items())
 
 
+class RefuseEditable(Command):
+    """Takes the place of the command that would install a package without any file."""
+
+    user_options: ClassVar[list[tuple[str, str, str]]] = []
+
+    def initialize_options(self) -> None:
+        raise SystemExit(
+            "An editable install would lack everything compiled. To change the package: make test"
+        )
+
+    finalize_options = run = initialize_options
+
+
 class BinaryDistribution(Distribution):
     def has_ext_modules(self) -> bool:
         return True
@@ -119,7 +134,7 @@ class BinaryDistribution(Distribution):
 setup(
     version=version(),
     distclass=BinaryDistribution,
-    cmdclass={"build": Build},
+    cmdclass={"build": Build, "editable_wheel": RefuseEditable},
     packages=[],
     install_requires=run_time_requirements(),
     options={

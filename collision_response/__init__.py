@@ -12,6 +12,8 @@ and results of precision EXTENDED that take more than 32 digits need python-flin
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from .answer import Impact
 from .model import Adjustment, Geometry, ImpactModel, Precision
 from .physics.body import Body, Twist
@@ -49,15 +51,19 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> str:
-    """Look up ``__version__`` in pip's metadata, or in the ``package.xml`` that colcon installed."""
-    if name != "__version__":
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from contextlib import suppress
-    from importlib import metadata
-    from pathlib import Path
+__version__: str
 
-    with suppress(metadata.PackageNotFoundError):
-        return metadata.version(__name__)
-    description = Path(__file__).parents[4] / "share" / __name__ / "package.xml"
-    return description.read_text().partition("<version>")[2].partition("</version>")[0]
+if not TYPE_CHECKING:  # type checkers would take any name for one that it finds
+
+    def __getattr__(name):
+        """Look up ``__version__`` in pip's metadata, or in the ``package.xml`` that colcon installed."""
+        if name != "__version__":
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        from contextlib import suppress
+        from importlib import metadata
+        from pathlib import Path
+
+        with suppress(metadata.PackageNotFoundError):
+            return metadata.version(__name__)
+        description = Path(__file__).parents[4] / "share" / __name__ / "package.xml"
+        return description.read_text().partition("<version>")[2].partition("</version>")[0]

@@ -43,6 +43,7 @@ ONLY = {"status": {"named_enum"}, "physics": {"arguments", "named_enum", "number
 FORBIDDEN = {"recording": {"batch", "kernels"}, "ros": {"kernels"}, "demo": {"kernels"}, "cli": {"kernels"}}
 THIRD_PARTY = {
     "numbers": {"numpy", "flint"},
+    "physics": {"typing_extensions"},  # for type checkers only
     "batch": {"cupy", "dask", "numpy", "torch"},
     "description": {"numpy"},
     "strict_yaml": {"yaml"},
@@ -182,11 +183,14 @@ CollisionResponseNode(parameter_overrides=[Parameter("recording.enabled", value=
 """
 
 
+RERUN = "'rerun-sdk>=0.39,<0.42'"
+
+
 @pytest.mark.parametrize(
     ("absent", "program", "name", "package"),
     [
         *(
-            pytest.param(absent, program, "rerun", "rerun-sdk", id=f"{what}-{'-'.join(absent)}")
+            pytest.param(absent, program, "rerun 0.39 to 0.41", RERUN, id=f"{what}-{'-'.join(absent)}")
             for absent in (["rerun"], ["pyarrow"], ["rerun", "pyarrow"])
             for what, program in {
                 "table": f"try: {READ_RECORDING}\nexcept ImportError as error: print(error)",

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import re
 import runpy
+import shutil
+import subprocess
 import sys
 from importlib import metadata
+from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 
 import pytest
@@ -122,8 +125,8 @@ def test_configuration_files_are_installed_where_ros_looks(file):
 
 
 @pytest.fixture
-def requirements(monkeypatch):
-    """The requirements that setup.py declares with these wheels installed."""
+def setup_options(monkeypatch):
+    """What setup.py asks of setuptools with these wheels installed."""
 
     def run(installed):
         def version(name):
@@ -137,16 +140,16 @@ def requirements(monkeypatch):
         monkeypatch.setattr("setuptools.setup", lambda **options: asked.update(options))
         monkeypatch.setattr(sys, "path", list(sys.path))
         runpy.run_path(str(ROOT / "setup.py"))
-        return asked["install_requires"]
+        return asked
 
     pytest.importorskip("setuptools")
     return run
 
 
 @pytest.mark.parametrize("release", ["kilted", "jazzy"])
-def test_requirements_are_those_of_the_release_it_is_built_with(requirements, release):
-    needed = requirements(wheels(release))
-    assert {"numpy", "python-flint"} < set(needed)
+def test_requirements_are_those_of_the_release_it_is_built_with(setup_options, release):
+    needed = setup_options(wheels(release))["install_requires"]
+    assert {"numpy>=1.22", "python-flint"} < set(needed)
     of_ros = pins("\n".join(needed))
     assert of_ros.keys() == {
         "ros-diagnostic-msgs",
@@ -162,19 +165,19 @@ def test_requirements_are_those_of_the_release_it_is_built_with(requirements, re
 
 
 @pytest.mark.parametrize("name", sorted(wheels("kilted").keys() & wheels("jazzy").keys()))
-def test_a_build_refuses_a_mixture_in_one_line(requirements, name):
+def test_a_build_refuses_a_mixture_in_one_line(setup_options, name):
     mixed = wheels("kilted") | {name: wheels("jazzy")[name]}
     wrong = f"must be of one release .* Found: jazzy: {name} {wheels('jazzy')[name]}; kilted: ros-"
     with pytest.raises(SystemExit, match=wrong) as refusal:
-        requirements(mixed)
+        setup_options(mixed)
     assert "\n" not in str(refusal.value)
 
 
-def test_a_build_refuses_a_release_that_is_not_listed(requirements):
+def test_a_build_refuses_a_release_that_is_not_listed(setup_options):
     with pytest.raises(SystemExit, match="Found: not in tools/ros: ros-ament-cmake 99"):
-        requirements({name: "99.0.0" for name in wheels("kilted")})
+        setup_options({name: "99.0.0" for name in wheels("kilted")})
     with pytest.raises(SystemExit, match="No ROS wheels"):
-        requirements({})
+        setup_options({})
 
 
 @pytest.mark.usefixtures("need_ros")
@@ -223,3 +226,36 @@ class TestStart:
         if installed.read_text("INSTALLER") is None:
             pytest.skip("built with colcon, in an environment that has other metadata")
         assert pins("\n".join(installed.requires or [])).keys() >= {"ros-rclpy", "ros-geometry-msgs"}
+
+
+@pytest.mark.parametrize(
+    ("file", "said"),
+    [
+        (None, "is not compiled. In a source tree"),
+        ("_compiled.cpython-39-x86_64-linux-gnu.so", "is compiled for another Python: _compiled.cpython-39"),
+        (f"_compiled{EXTENSION_SUFFIXES[0]}", "file too short"),
+    ],
+)
+def test_a_package_whose_kernels_cannot_be_loaded_says_why(file, said, tmp_path):
+    installed = Path(collision_response.__file__).parent
+    copy = tmp_path / installed.name
+    shutil.copytree(installed, copy, ignore=shutil.ignore_patterns("*.so", "__pycache__"))
+    if file:
+        (copy / "kernels" / file).touch()
+    command = [sys.executable, "-c", "import collision_response"]
+    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert run.returncode == 1
+    assert said in run.stderr.splitlines()[-1]
+
+
+def test_an_editable_install_is_refused(setup_options):
+    """It would install no file."""
+    command = setup_options(wheels("kilted"))["cmdclass"]["editable_wheel"]
+    with pytest.raises(SystemExit, match="make test"):
+        command(pytest.importorskip("setuptools").Distribution())
+
+
+@pytest.mark.parametrize("file", ["README.md", "collision_response/recording/rerun_sdk.py"])
+def test_the_versions_of_rerun_are_said_alike_everywhere(file):
+    (pin,) = re.findall(r"^rerun-sdk\S+", (ROOT / "tools" / "python.txt").read_text(), re.MULTILINE)
+    assert pin in (ROOT / file).read_text()

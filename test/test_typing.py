@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable
 from fractions import Fraction
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 import pytest
 
+import collision_response
 from collision_response import (
     Body,
     Contact,
@@ -67,6 +69,31 @@ def test_vectors_may_be_of_any_kind(kind: Callable[[Iterable[float]], Iterable[f
     surfaces, gravity = sphere_on_plane(1.0), (0, 0, -9.81)
     matrix = saltation_matrix(expected, FLOOR, contact, surfaces=surfaces, gravity=kind(gravity))
     assert (matrix == saltation_matrix(expected, FLOOR, contact, surfaces=surfaces, gravity=gravity)).all()
+
+
+def test_names_that_do_not_exist_are_errors_for_type_checkers_too() -> None:
+    with pytest.raises(AttributeError):
+        collision_response.Bdoy  # type: ignore[attr-defined]  # noqa: B018
+    version: str = collision_response.__version__
+    assert version
+
+
+if sys.version_info >= (3, 11):  # typing.Unpack is newer
+
+    @pytest.mark.parametrize("name", ["dynamic", "of", "sphere", "box", "mesh"])
+    def test_signatures_have_types_at_run_time(name: str) -> None:
+        assert get_type_hints(getattr(Body, name))["return"] is Body
+
+
+@pytest.mark.parametrize("kind", [tuple, list, as_array])
+def test_the_other_vector_may_be_of_any_kind(kind: Callable[[Iterable[float]], Iterable[float]]) -> None:
+    v, other = Vec3(1.0, 2.0, 4.0), kind((1.0, 1.0, 0.5))
+    total: Vec3 = v + other
+    difference: Vec3 = v - other
+    assert (total, difference) == ((2.0, 3.0, 4.5), (0.0, 1.0, 3.5))
+    assert (v.dot(other), v.cross(other).z) == (5.0, -1.0)
+    reflected: Vec3 = (1.0, 1.0, 0.5) + v  # noqa: RUF005
+    assert reflected == total
 
 
 def test_answers_have_their_types() -> None:

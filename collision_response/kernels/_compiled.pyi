@@ -1,7 +1,7 @@
 """The types of the compiled functions. The C++ files that ``module.hpp`` names say what each one does."""
 
 from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Final, Literal, TypeVar, final
 
 import numpy as np
@@ -45,7 +45,7 @@ def find_independent_sets(pairs: _Array, movable: _Array, order: _Array, starts:
 def has_fraction(numbers: Any, /) -> bool: ...
 def resolve_scene(
     bodies: Sequence[Body],
-    pairs: Sequence[tuple[int, int]],
+    pairs: Iterable[Sequence[int]],
     contacts: Sequence[Contact],
     model: ImpactModel,
     threshold: float,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from enum import IntEnum
 from fractions import Fraction
+from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 
 from ..answer import Impact
@@ -18,6 +19,13 @@ try:
     from . import _compiled
     from ._compiled import *  # noqa: F403  # what module.hpp names
 except ImportError as error:
+    built = [path.name for path in Path(__file__).parent.glob("_compiled*.so")]
+    if {f"_compiled{suffix}" for suffix in EXTENSION_SUFFIXES} & {*built}:
+        raise
+    if built:
+        raise ImportError(
+            f"{Path(__file__).parents[1]} is compiled for another Python: {built[0]}"
+        ) from error
     raise ImportError(
         f"{Path(__file__).parents[1]} is not compiled. In a source tree, Python takes the directory of that "
         "name for the package: run .venv/bin/python -I, which does not, or change to another directory"

@@ -7,6 +7,7 @@ treat it like any other body.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 
@@ -30,8 +31,10 @@ from .orientation import ALIGNED, Quaternion, Rotation
 from .tensor import UNIT, ZERO_TENSOR, Factor3, InverseTensor, RodFactor, Symmetric3
 from .vector import ZERO, Vec3, as_vector
 
-if TYPE_CHECKING:
+if sys.version_info >= (3, 11):
     from typing import Unpack
+elif TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 ROUNDINGS = 8
 """A pivot of the inertia tensor counts as 0 up to this number of units of roundoff of what it is made of."""

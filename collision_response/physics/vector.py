@@ -17,26 +17,26 @@ LEAST_SQUARE = sys.float_info.min / sys.float_info.epsilon
 class Vec3(NamedTuple):
     """A vector in space, of numbers of any type.
 
-    ``+`` and ``-`` also accept plain tuples. ``*`` and ``/`` take a number; two vectors are multiplied by
-    :meth:`dot` or :meth:`cross`.
+    The other vector of a sum, a difference or a product may be a plain tuple or an array. ``*`` and ``/``
+    take a number; two vectors are multiplied by :meth:`dot` or :meth:`cross`.
     """
 
     x: Scalar
     y: Scalar
     z: Scalar
 
-    def __add__(self, other: Vec3) -> Vec3:  # type: ignore[override]
+    def __add__(self, other: Iterable[Scalar]) -> Vec3:
         x, y, z = other
         return Vec3(self[0] + x, self[1] + y, self[2] + z)
 
-    def __radd__(self, other: Vec3) -> Vec3:
+    def __radd__(self, other: Iterable[Scalar]) -> Vec3:
         return self + other  # without this, a plain tuple + Vec3 would concatenate
 
-    def __sub__(self, other: Vec3) -> Vec3:
+    def __sub__(self, other: Iterable[Scalar]) -> Vec3:
         x, y, z = other
         return Vec3(self[0] - x, self[1] - y, self[2] - z)
 
-    def __rsub__(self, other: Vec3) -> Vec3:
+    def __rsub__(self, other: Iterable[Scalar]) -> Vec3:
         return -self + other
 
     def __neg__(self) -> Vec3:
@@ -53,12 +53,12 @@ class Vec3(NamedTuple):
     def __truediv__(self, divisor: Scalar) -> Vec3:
         return Vec3(self[0] / divisor, self[1] / divisor, self[2] / divisor)
 
-    def dot(self, other: Vec3) -> Scalar:
+    def dot(self, other: Iterable[Scalar]) -> Scalar:
         """Scalar product with another vector."""
         x, y, z = other
         return self[0] * x + self[1] * y + self[2] * z
 
-    def cross(self, other: Vec3) -> Vec3:
+    def cross(self, other: Iterable[Scalar]) -> Vec3:
         """Vector product with another vector."""
         ax, ay, az = self
         bx, by, bz = other

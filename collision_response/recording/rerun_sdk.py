@@ -12,6 +12,6 @@ try:
     from rerun.chunk import Chunk, RrdReader
     from rerun.error_utils import RerunWarning
 except ModuleNotFoundError:
-    raise missing("rerun", "rerun-sdk") from None
+    raise missing("rerun 0.39 to 0.41", "'rerun-sdk>=0.39,<0.42'") from None
 
 __all__ = ["Chunk", "RerunWarning", "RrdReader", "compute", "pa", "rr", "rrb"]

@@ -24,7 +24,7 @@ from .answer import SceneImpact
 from .assemble import with_frictions_as_numbers
 from .cluster_result import ClusterAnswer, ImpulseEffect
 from .copies import distinct_contacts, split_among_copies
-from .find_clusters import Pair, find_clusters
+from .find_clusters import find_clusters
 from .order_sensitivity import order_sensitivity
 from .reflections import THRESHOLD
 from .request import (
@@ -43,7 +43,7 @@ HERTZ = 1.5
 
 def resolve_scene(
     bodies: Sequence[Body],
-    pairs: Sequence[Pair],
+    pairs: Iterable[Sequence[int]],
     contacts: Sequence[Contact],
     model: ImpactModel = DEFAULT,
     *,
@@ -125,7 +125,7 @@ def resolve_scene(
 
 def resolve_without_python(
     bodies: Sequence[Body],
-    pairs: Sequence[Pair],
+    pairs: Iterable[Sequence[int]],
     contacts: Sequence[Contact],
     model: ImpactModel,
     threshold: float = THRESHOLD,
