@@ -12,10 +12,10 @@ import tempfile
 from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
-from typing import ClassVar
 
-from setuptools import Command, Distribution, setup
+from setuptools import Distribution, setup
 from setuptools.command.build import build
+from setuptools.command.editable_wheel import editable_wheel
 
 SOURCE = Path(__file__).resolve().parent
 RELEASES = SOURCE / "tools" / "ros"
@@ -113,17 +113,11 @@ class Build(build):
         self.distribution.data_files = list(data.items())
 
 
-class RefuseEditable(Command):
+class RefuseEditable(editable_wheel):
     """Takes the place of the command that would install a package without any file."""
 
-    user_options: ClassVar[list[tuple[str, str, str]]] = []
-
-    def initialize_options(self) -> None:
-        raise SystemExit(
-            "An editable install would lack everything compiled. To change the package: make test"
-        )
-
-    finalize_options = run = initialize_options
+    def run(self) -> None:
+        raise SystemExit("An editable install would lack what is compiled: use make test instead")
 
 
 class BinaryDistribution(Distribution):

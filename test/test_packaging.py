@@ -252,7 +252,7 @@ def test_an_editable_install_is_refused(setup_options):
     """It would install no file."""
     command = setup_options(wheels("kilted"))["cmdclass"]["editable_wheel"]
     with pytest.raises(SystemExit, match="make test"):
-        command(pytest.importorskip("setuptools").Distribution())
+        command(pytest.importorskip("setuptools").Distribution()).run()
 
 
 @pytest.mark.parametrize("file", ["README.md", "collision_response/recording/rerun_sdk.py"])
