@@ -702,6 +702,23 @@ def test_a_body_that_flies_away_does_not_share_a_load(mass):
     assert_the_last_contact_takes_no_part(scene)
 
 
+@pytest.mark.parametrize("mass", [1.0, 1e3, 1e5, 1e6, 1e7, 1e9, 1e12, 1e15])
+@pytest.mark.parametrize("drift", [0.0, -4.0, 64.0])
+def test_a_heavy_body_that_flies_away_and_strikes_another_does_not_share_the_load_of_the_first(mass, drift):
+    """For every observer."""
+    ball = Body.dynamic(1.0, velocity=(1, 0, drift))
+    heavy = Body.dynamic(mass, position=(2, 0, 0), velocity=(3, 0, 4 + drift))
+    struck, wall = Body.dynamic(1.0, velocity=(0, 0, drift)), Body.kinematic((0, 0, 0), (0, 0, drift))
+    contacts = [
+        Contact.of((0, 0, -1), (-12, 0, 5), 0.0, 0.5),
+        Contact.of((3, 0, 0), (1, 0, 0), 0.0, 0.5),
+        Contact.of((0, 0, -1), (3, 0, 4), 0.0, 0.5),
+        Contact.of((1, 0, 0), (-1, 0, 0), 0.0, 0.5),
+    ]
+    scene = Scene([ball, heavy, wall, struck], [(0, 2), (3, 1), (0, 2), (0, 1)], contacts)
+    assert_the_last_contact_takes_no_part(scene)
+
+
 @pytest.mark.parametrize("tilt", [0.0, 1e-9, 1e-5, 1e-3, 1 / 64])
 def test_a_neighbour_that_parts_does_not_share_a_load_of_nearly_parallel_contacts(tilt):
     ball, wall = Body.sphere(2.0, 1.0, velocity=(1, 0, -1)), Body.static()

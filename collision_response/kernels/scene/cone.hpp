@@ -18,15 +18,13 @@ struct Cone {
 
   bool is_partial() const { return part < 1; }
   double give() const { return is_partial() ? GIVE / (part * part * part * part) : 0; }
-  // Whether it touches a body that has less than a thousandth part in n.K n.
-  bool has_heavy_body() const {
-    for (int side = 0; side < 2; ++side) {
-      double square = 0;
-      for (const R& x : row[side][0]) square += high(x) * high(x);
-      if (body[side] >= 0 && square < 1e-3) return true;
-    }
-    return false;
+  // The part of a body in n.K n, from 0 to 1.
+  double own_part(int side) const {
+    double square = 0;
+    for (const R& x : row[side][0]) square += high(x) * high(x);
+    return square;
   }
+  bool has_heavy_body() const { return (body[0] >= 0 && own_part(0) < 1e-3) || (body[1] >= 0 && own_part(1) < 1e-3); }
 
   // B y: the velocity by a motion of the bodies.
   std::array<R, 3> velocity(const R* y) const {

@@ -11,24 +11,61 @@ namespace {
 
 constexpr double SHARING = 1e-9;  // for contacts whose normals or lever arms differ by 3e-5
 
-// The velocity that walls have on average, over some contacts. The work of walls is that which an observer sees who moves
-// with it, so that it is the same for every observer.
-std::array<double, 3> mean_velocity_of_walls(const Assembly& assembly, const std::vector<int>& among) {
-  std::array<double, 3> mean{};
-  double count = 0;
-  for (int i : among)
-    for (int side = 0; side < 2; ++side) {
-      const AssembledContact& contact = assembly.contacts[i];
-      count += contact.body[side] < 0;
-      for (int k = 0; contact.wall[side] >= 0 && k < 3; ++k)
-        mean[k] += assembly.walls[contact.wall[side]].x[BODY_VELOCITY_X + k];
+using Velocity = std::array<double, 3>;
+
+// What counts as a wall where loads are shared: immovable bodies, and bodies the more the heavier they are than what they
+// touch, from 1e6 times on. An impulse hardly moves them, but may do work on them.
+struct Walls {
+  const Assembly& assembly;
+  Vector weight;  // of each body: how much it counts as a wall, from 0 to 1
+  Velocity drift{};  // of walls, on average over the cones. Work is what an observer sees who moves with it
+
+  Walls(const Assembly& assembly, const std::vector<int>& among, const std::vector<Cone<DD>>& cones)
+      : assembly(assembly), weight(assembly.body_count) {
+    for (const Cone<DD>& cone : cones)
+      for (int side = 0; side < 2; ++side)
+        if (const int body = cone.body[side]; body >= 0) weight[body] = std::fmax(weight[body], cone.own_part(side));
+    for (double& one : weight) one = std::pow(1 + 1e6 * one, -2);
+    double total = 0;
+    for (int i : among)
+      for (int side = 0; side < 2; ++side) {
+        const int body = assembly.contacts[i].body[side];
+        const double own = body < 0 ? 1 : weight[body];
+        const Velocity v = velocity_of(assembly.contacts[i], side);
+        for (int k = 0; k < 3; ++k) drift[k] += own * v[k];
+        total += own;
+      }
+    for (double& one : drift) one /= total;
+  }
+  // Of a wall, or of the centre of mass of a body.
+  Velocity velocity_of(const AssembledContact& contact, int side) const {
+    Velocity v{};
+    if (const int body = contact.body[side]; body >= 0) {
+      const AssembledBody& of = assembly.bodies[body];
+      const Velocity spin = cross(of.x + BODY_ANGULAR_VELOCITY_X, of.centre_in_doubles.com());
+      for (int k = 0; k < 3; ++k) v[k] = of.x[BODY_VELOCITY_X + k] + spin[k];
+    } else if (const int wall = contact.wall[side]; wall >= 0) {
+      std::copy_n(assembly.walls[wall].x + BODY_VELOCITY_X, 3, v.begin());
     }
-  for (double& one : mean) one /= std::fmax(count, 1);
-  return mean;
-}
+    return v;
+  }
+  // Stretch the motion of a body along its velocity, so that its work counts. `fastest`: speed in the metric of kinetic
+  // energy.
+  void stretch(Cone<DD>& cone, const AssembledContact& contact, int side, double fastest) const {
+    Velocity v = velocity_of(contact, side);
+    for (int k = 0; k < 3; ++k) v[k] -= drift[k];
+    const double speed = std::hypot(v[0], v[1], v[2]);
+    if (!(speed > 0)) return;
+    const int body = contact.body[side];
+    const double by = weight[body] * speed / (assembly.bodies[body].centre_in_doubles.root() * fastest);
+    DD along{};
+    for (int k = 0; k < 3; ++k) along += v[k] / speed * cone.row[side][0][k];
+    for (int k = 0; k < 3; ++k) cone.row[side][0][k] += by * (v[k] / speed) * along;
+  }
+};
+
 // The part of a wall in the normal velocity of a contact, for an observer who moves with `drift`.
-DD wall_velocity(const Assembly& assembly, const AssembledContact& contact, int side,
-                 const std::array<double, 3>& drift) {
+DD wall_velocity(const Assembly& assembly, const AssembledContact& contact, int side, const Velocity& drift) {
   DD velocity{};
   for (int k = 0; k < 3; ++k) velocity -= (side ? -drift[k] : drift[k]) * DD{contact.normal[k], 0};
   for (int k = 0; contact.wall[side] >= 0 && k < 6; ++k)
@@ -37,8 +74,8 @@ DD wall_velocity(const Assembly& assembly, const AssembledContact& contact, int 
 }
 
 // The loads >= 0 of nearly the same effect with nearly the least norm: those that minimise the square of the difference
-// in the effect, plus SHARING times the norm. Walls that move apart are one more body, which their work moves.
-// Only the contacts `among` have any.
+// in the effect, plus SHARING times the norm. Walls that move apart are one more body, which their work moves. Only the
+// contacts `among` have any.
 Vector share_nearly(const Assembly& assembly, const Vector& loads, const std::vector<int>& among) {
   const int walls = assembly.body_count;
   const double greatest = greatest_of(loads);
@@ -48,20 +85,25 @@ Vector share_nearly(const Assembly& assembly, const Vector& loads, const std::ve
     fastest = std::fmax(fastest, std::fabs(high(contact.velocity)) * contact.scale);
     mean += contact.unit() * contact.unit() / static_cast<double>(among.size());
   }
-  const std::array<double, 3> drift = mean_velocity_of_walls(assembly, among);
   Cones<DD> programme(walls + assembly.walls_move_apart);
   for (int i : among) {
     const AssembledContact& contact = assembly.contacts[i];
-    Cone<DD> cone = cone_of(contact, assembly.axes_of<DD>(contact), 1, 1 / mean);
-    cone.mu = 0;
-    for (int side = 0; side < 2 && assembly.walls_move_apart; ++side)
-      if (contact.body[side] < 0) {
-        cone.body[side] = walls;
-        if (fastest > 0) cone.row[side][0][0] = contact.scale / fastest * wall_velocity(assembly, contact, side, drift);
-      }
-    programme.cones.push_back(cone);
+    programme.cones.push_back(cone_of(contact, assembly.axes_of<DD>(contact), 1, 1 / mean));
+    programme.cones.back().mu = 0;
     programme.P.push_back({DD{loads[i] / greatest, 0}, DD{}, DD{}});
   }
+  const Walls moving(assembly, among, programme.cones);
+  for (size_t k = 0; k < among.size() && fastest > 0; ++k)
+    for (int side = 0; side < 2; ++side) {
+      const AssembledContact& contact = assembly.contacts[among[k]];
+      Cone<DD>& cone = programme.cones[k];
+      if (contact.body[side] >= 0) {
+        moving.stretch(cone, contact, side, fastest);
+      } else if (assembly.walls_move_apart) {
+        cone.body[side] = walls;
+        cone.row[side][0][0] = contact.scale / fastest * wall_velocity(assembly, contact, side, moving.drift);
+      }
+    }
   programme.aim_at(programme.motion());
   programme.prepare();
   programme.solve_from_zero(1 / SHARING);
