@@ -11,6 +11,8 @@ namespace {
 
 constexpr double SHARING = 1e-9;  // for contacts whose normals or lever arms differ by 3e-5
 
+constexpr double NO_WALL = 1e-9;  // weight of a body that has a thirtieth part in n.K n, or more
+
 using Velocity = std::array<double, 3>;
 
 // What counts as a wall where loads are shared: immovable bodies, and bodies the more the heavier they are than what they
@@ -55,8 +57,8 @@ struct Walls {
     Velocity v = velocity_of(contact, side);
     for (int k = 0; k < 3; ++k) v[k] -= drift[k];
     const double speed = std::hypot(v[0], v[1], v[2]);
-    if (!(speed > 0)) return;
     const int body = contact.body[side];
+    if (!(speed > 0) || weight[body] < NO_WALL) return;
     const double by = weight[body] * speed / (assembly.bodies[body].centre_in_doubles.root() * fastest);
     DD along{};
     for (int k = 0; k < 3; ++k) along += v[k] / speed * cone.row[side][0][k];
