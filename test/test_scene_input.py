@@ -651,3 +651,36 @@ def test_vectors_may_be_any_sequence(name, kind):
 
 def test_the_docstring_examples_run():
     assert doctest.testmod(sys.modules["collision_response.scene.resolve_scene"]).failed == 0
+
+
+@pytest.mark.parametrize("law", [Law.AUTO, Law.FRICTIONLESS, Law.MOREAU])
+def test_copies_with_equal_functions_count_once(law):
+    """The functions are different objects: what counts are their values."""
+    box_and_floor = [
+        Body.box(
+            1.0, (1, 1, 1), position=(0, 0, 0.5), velocity=(1, 0.25, -1), angular_velocity=(0.25, 0.5, 0)
+        ),
+        Body.static(),
+    ]
+    corner = Contact.of((0.5, 0.5, 0), (0, 0, 1), 0.25, 0.5)
+    functions = [corner._replace(restitution=lambda v: 0.25, friction=lambda v: 0.5) for _ in range(2)]
+    expected = resolve_scene(box_and_floor, [(0, 1)] * 2, [corner] * 2, ImpactModel(law))
+    for contacts in (functions, [functions[0], corner]):
+        answer = resolve_scene(box_and_floor, [(0, 1)] * 2, contacts, ImpactModel(law))
+        assert answer == expected
+
+
+@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("field", ["restitution", "friction"])
+def test_an_error_of_a_function_of_the_caller_is_not_changed(field, count):
+    class OwnError(TypeError):
+        pass
+
+    def fails(speed):
+        raise OwnError("of the caller")
+
+    ball, floor = Body.dynamic(1.0, velocity=(0.25, 0, -1)), Body.static()
+    contacts = [Contact.of((x, 0, 0), (0, 0, 1), 0.5, 0.25) for x in range(count)]
+    contacts[0] = contacts[0]._replace(**{field: fails})
+    with pytest.raises(OwnError, match=r"^of the caller$"):
+        resolve_scene([ball, floor], [(0, 1)] * count, contacts)

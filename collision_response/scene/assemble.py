@@ -13,7 +13,7 @@ from ..in_python.request_numbers import as_fraction, body_as_fractions, contact_
 from ..kernels import library
 from ..physics.body import Body
 from ..physics.contact import Contact
-from ..physics.laws import Law
+from ..physics.laws import PATHS, Law
 from ..physics.vector import Vec3
 from ..status import ImpactError, StatusCode
 from .copies import DistinctContacts
@@ -84,7 +84,6 @@ def assemble(scene: SceneRequest, distinct: DistinctContacts, options: SceneOpti
         a, b = scene.pairs[i]
         pairs.append((places.setdefault(a, len(places)), places.setdefault(b, len(places))))
     contacts = [_with_friction_as_number(scene, i, options.law) for i in distinct.indices]
-    contacts = _with_restitution_as_number(scene, distinct.indices, contacts, exact=options.exact)
     bodies = [scene.bodies[body] for body in places]
     parts = ClusterParts(bodies, pairs, contacts, distinct.counts, distinct.indices, list(places))
     return _in_numbers_with_threshold(scene, parts, options)
@@ -104,6 +103,26 @@ def with_frictions_as_numbers(scene: SceneRequest) -> SceneRequest:
         for i, contact in enumerate(scene.contacts)
     ]
     return scene._replace(contacts=contacts, has_friction=any([c.friction > 0 for c in contacts]))
+
+
+def with_numbers(scene: SceneRequest, cluster: Sequence[int], options: SceneOptions) -> SceneRequest:
+    """Return the scene with the functions of a cluster's contacts evaluated, if the law takes their values.
+
+    Then copies of a contact are the same contact, even if their functions are different objects.
+
+    Raises:
+        ImpactError: if a body or a contact is invalid; ``field`` names it.
+        TypeError: if something is not a number.
+    """
+    if not any([callable(e) or callable(mu) for *_, e, mu, _ in (scene.contacts[i] for i in cluster)]):
+        return scene
+    contacts = list(scene.contacts)
+    for i in cluster if options.law not in PATHS else ():
+        contacts[i] = _with_friction_as_number(scene, i, options.law)
+    numbers = _with_restitution_as_number(scene, cluster, [contacts[i] for i in cluster], exact=options.exact)
+    for i, contact in zip(cluster, numbers, strict=True):
+        contacts[i] = contact
+    return scene._replace(contacts=contacts)
 
 
 def _with_friction_as_number(scene: SceneRequest, i: int, law: Law) -> Contact:

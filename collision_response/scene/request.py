@@ -162,7 +162,10 @@ def with_scene_names(indices: ContactIndices, function: Callable[..., T], *argum
             raise ImpactError(error.code, f"pairs[{indices.contact}]", reason) from None
         raise error.renamed(indices.names()) from None
     except TypeError as error:
-        raise TypeError(renamed(str(error), indices.names())) from None
+        text = renamed(str(error), indices.names())
+        if text == str(error):  # it names no field: a function of the caller's raised it
+            raise
+        raise TypeError(text) from None
 
 
 def check_contact(body_a: Body, body_b: Body, contact: Contact, indices: ContactIndices) -> None:

@@ -21,7 +21,7 @@ from ..physics.vector import Vec3
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
 from .answer import SceneImpact
-from .assemble import with_frictions_as_numbers
+from .assemble import with_frictions_as_numbers, with_numbers
 from .cluster_result import ClusterAnswer, ImpulseEffect
 from .copies import distinct_contacts, split_among_copies
 from .find_clusters import find_clusters
@@ -138,6 +138,8 @@ def resolve_without_python(
 def _resolve_one(scene: SceneRequest, cluster: list[int], options: SceneOptions) -> ClusterAnswer:
     """Return the answer for one cluster, with an entry for each of its contacts."""
     law = options.law
+    if len(cluster) > 1 or options.exact:  # else resolve() does that
+        scene = with_numbers(scene, cluster, options)
     distinct = distinct_contacts(
         cluster, scene.pairs, scene.contacts, merge_copies=law is not Law.ROUTH_STRONGE
     )
