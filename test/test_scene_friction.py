@@ -762,6 +762,60 @@ def test_contacts_that_are_nearly_dependent_answer_alike_for_every_observer(tilt
     assert off <= straight.error_bound + turned.error_bound
 
 
+@pytest.mark.parametrize("noise", [0.0, 3e-15, 1e-14, 5e-14, 1e-13, 1e-9])
+@pytest.mark.parametrize("table", [1.0, 1e3, 1e9])
+def test_a_table_that_leaves_takes_no_part_in_any_order_of_contacts(noise, table):
+    """Rounding gives it loads, where eight contacts depend on each other to 27 digits."""
+    rng = random.Random(0)
+
+    def off(x, y, z):
+        return tuple(one + noise * rng.uniform(-1, 1) for one in (x, y, z))
+
+    corners = [(x, y) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
+    bodies = [
+        Body.box(1.0, (1, 1, 1), position=(0, 0, 0.5)),
+        Body.box(
+            1.0, (1, 1, 1), position=(0, 0, 1.5), velocity=(1, 0.5, -1), angular_velocity=(0.1, 0.2, 0.3)
+        ),
+        Body.box(table, (4, 4, 1), position=(0, 0, -0.5), velocity=(0, 0, -2)),
+    ]
+    above = [Contact.of(off(*corner, 1), off(0, 0, 1), 0.0, 0.3) for corner in corners]
+    below = [Contact.of(off(*corner, 0), off(0, 0, 1), 0.0, 0.3) for corner in corners]
+    alone = Scene(bodies, [(1, 0)] * 4, above).resolve(Law.COULOMB)
+    pairs, contacts = [(1, 0)] * 4 + [(0, 2)] * 4, above + below
+    for seed in range(8):
+        order = random.Random(seed).sample(range(8), 8)
+        scene = Scene(bodies, [pairs[i] for i in order], [contacts[i] for i in order])
+        answer = scene.resolve(Law.COULOMB)
+        assert distance(scene, answer, alone) <= answer.error_bound + alone.error_bound
+        regimes = {answer.regimes[order.index(i)] for i in range(4, 8)}
+        assert regimes == {Regime.SEPARATING}
+
+
+@pytest.mark.parametrize("noise", [1e-6, 1e-5, 1e-4, 1e-3])
+@pytest.mark.parametrize("seed", range(5))
+def test_the_point_by_which_the_motion_of_a_turntable_is_given_does_not_matter(noise, seed):
+    rng = random.Random(seed)
+    box = Body.box(1.0, (1, 1, 1), position=(2, 0, 0.5), velocity=(0.5, 1.5, -1))
+    contacts = [
+        Contact.of(
+            (2 + x, y, noise * rng.uniform(-1, 1)),
+            (noise * rng.uniform(-1, 1), noise * rng.uniform(-1, 1), 1),
+            0.0,
+            0.3,
+        )
+        for x in (-0.5, 0.5)
+        for y in (-0.5, 0.5)
+    ]
+    answers = []
+    for x in (0.0, 1.0, 8.0, 64.0):  # turning once in 2 pi seconds about the z axis
+        table = Body.kinematic((x, 0, 0), (0, x, 0), (0, 0, 1))
+        scene = Scene([box, table], [(0, 1)] * 4, contacts)
+        answers.append(scene.resolve(Law.COULOMB))
+    for answer in answers[1:]:
+        assert distance(scene, answer, answers[0]) <= answer.error_bound + answers[0].error_bound
+
+
 def normal_velocity(scene: Scene, answer, i: int) -> float:
     """The normal velocity of a contact of the scene for the twists of an answer."""
     contact = scene.contacts[i]

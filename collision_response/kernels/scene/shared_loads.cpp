@@ -23,10 +23,10 @@ struct Walls {
   Velocity drift{};  // of walls, on average over the cones. Work is what an observer sees who moves with it
 
   Walls(const Assembly& assembly, const std::vector<int>& among, const std::vector<Cone<DD>>& cones)
-      : assembly(assembly), weight(assembly.body_count) {
+      : assembly(assembly), weight(assembly.body_count, 1) {
     for (const Cone<DD>& cone : cones)
       for (int side = 0; side < 2; ++side)
-        if (const int body = cone.body[side]; body >= 0) weight[body] = std::fmax(weight[body], cone.own_part(side));
+        if (const int body = cone.body[side]; body >= 0) weight[body] = std::fmin(weight[body], cone.own_part(side));
     for (double& one : weight) one = std::pow(1 + 1e6 * one, -2);
     double total = 0;
     for (int i : among)
@@ -39,7 +39,7 @@ struct Walls {
       }
     for (double& one : drift) one /= total;
   }
-  // Of a wall, or of the centre of mass of a body.
+  // Of a wall at the contact, or of the centre of mass of a body.
   Velocity velocity_of(const AssembledContact& contact, int side) const {
     Velocity v{};
     if (const int body = contact.body[side]; body >= 0) {
@@ -47,7 +47,11 @@ struct Walls {
       const Velocity spin = cross(of.x + BODY_ANGULAR_VELOCITY_X, of.centre_in_doubles.com());
       for (int k = 0; k < 3; ++k) v[k] = of.x[BODY_VELOCITY_X + k] + spin[k];
     } else if (const int wall = contact.wall[side]; wall >= 0) {
-      std::copy_n(assembly.walls[wall].x + BODY_VELOCITY_X, 3, v.begin());
+      const double* of = assembly.walls[wall].x;
+      double arm[3];
+      for (int k = 0; k < 3; ++k) arm[k] = contact.point[k] - of[BODY_POSITION_X + k];
+      const Velocity spin = cross(of + BODY_ANGULAR_VELOCITY_X, arm);
+      for (int k = 0; k < 3; ++k) v[k] = of[BODY_VELOCITY_X + k] + spin[k];
     }
     return v;
   }
@@ -169,14 +173,17 @@ SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p) {
     return std::all_of(null.basis.begin(), null.basis.end(),
                        [&](const std::vector<DD>& z) { return std::fabs(z[i].h) < none; });
   };
-  const Vector loads = loads_of(assembly, shared);
-  const double greatest = greatest_of(loads);
+  Vector loads = loads_of(assembly, shared);
+  const double greatest = greatest_of(loads), no_load = NO_LOAD * greatest;
+  // A body without a load has none to share. Rounding gives it some.
+  const Vector given = loads_nearby(assembly, loads_of(assembly, p));
+  std::vector<int> touched;  // contacts of bodies that all have a load
+  for (int i = 0; i < count; ++i) {
+    if (given[i] > no_load) touched.push_back(i);
+    else loads[i] = 0;
+  }
   SharedLoads result{loads, greatest, Vector(count)};
-  const double no_load = NO_LOAD * greatest;
   const Vector nearby = loads_nearby(assembly, loads);
-  std::vector<int> touched;  // contacts of bodies that all have a load to share
-  for (int i = 0; i < count; ++i)
-    if (nearby[i] > no_load) touched.push_back(i);
   std::optional<RoundedLoads> rounded;  // found if needed
   Vector nearly_shared, shared_nearby;  // the same
   for (int i = 0; i < count; ++i) {
@@ -186,7 +193,7 @@ SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p) {
       if (!rounded) rounded.emplace(assembly);
       part = rounded->part_of(i, loads[i] / greatest);
     }
-    if (!(part >= 1) && nearby[i] > no_load) {
+    if (!(part >= 1) && given[i] > no_load) {
       if (nearly_shared.empty()) {
         nearly_shared = share_nearly(assembly, loads, touched);
         shared_nearby = loads_nearby(assembly, nearly_shared);
