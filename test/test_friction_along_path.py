@@ -218,6 +218,38 @@ def test_tiny_slip_turns_to_the_direction_in_which_it_grows(law):
             assert found.error_bound < 1e-7
 
 
+@pytest.mark.parametrize("law", [Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize(
+    ("position", "velocity", "spin", "point", "normal", "friction"),
+    [
+        (
+            (-0.41, 0.5, -0.56), (-0.31, -0.4, 0.56), (-0.49, -0.29, 0.34), (-0.2, 0.55, 0.11),
+            (0.22, -0.19, -0.76), stribeck(0.5, 0.3, 0.1),
+        ),
+        (
+            (0.69, 0.1, -0.47), (-0.62, 0.46, 0.44), (0.18, -0.74, 0.82), (0.69, -0.52, 0.61),
+            (0.51, -0.5, 0.26), lambda s: 1.0,
+        ),
+        (
+            (-0.39, -0.03, 0.39), (0.57, -0.4, 0.06), (0.85, -0.33, 0.41), (-0.1, 0.18, -0.66),
+            (-0.78, 0.48, -0.62), stribeck(1.2, 1.0, 0.1),
+        ),
+    ],
+)  # fmt: skip
+def test_slip_that_starts_slowly_from_rest_leaves_it(position, velocity, spin, point, normal, friction, law):
+    """It is drawn to its direction much faster than it grows. It stopped again and again, by rounding."""
+    body = Body.box(1.0, (1, 0.2, 0.3), position=position, velocity=velocity, angular_velocity=spin)
+    contact = Contact.of(point, normal, 0.7, friction)
+    answer = resolve(body, Body.static(), contact, ImpactModel(law))
+    assert answer.error_bound < 1e-9
+    # Slip is so slow from then on that friction hardly differs from that at rest.
+    same = resolve(body, Body.static(), contact._replace(friction=friction(0.0)), ImpactModel(law))
+    assert answer.regime is same.regime
+    if friction(0.0) == friction(1.0):
+        off = answer.impulse - same.impulse
+        assert off.norm() <= (answer.error_bound + same.error_bound) * same.impulse.norm()
+
+
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("slip", [1e3, 1e6, 1e8, 1e12])
 def test_fast_slip_that_jams_is_followed_to_its_stop(law, slip):

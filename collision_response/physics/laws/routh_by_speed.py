@@ -83,6 +83,9 @@ ROUNDING = 2.0**-50
 STEP_SHARE = 1 / 16
 """The part of the tolerance of the path that the estimated error of a step may use."""
 
+LEAST_SHARE = 1e-3
+"""Greatest error of a step in units of the slip, however small: its direction decides whether it grows."""
+
 STRAIGHT = 1 / 16
 """The part of the tolerance of the path that a straight step may neglect."""
 
@@ -275,9 +278,13 @@ class PathFollower:
         return Slope(t1, t2, s, c, m, *self._path._replace(c=c, m=m).rates(t1, t2))
 
     def _first_length(self, at: Slope) -> float:
-        path = self._path
-        pace = at.c * (abs(path.b1) + abs(path.b2)) + at.m * (path.A11 + path.A22)
+        pace = self._pace(at)
         return 0.3 * min(1.0, at.s) / pace if pace > 0 else 1.0
+
+    def _pace(self, at: Slope) -> float:
+        """A bound on ``|f|``. The turn ``w`` is known to this times the rounding."""
+        path = self._path
+        return at.c * (abs(path.b1) + abs(path.b2)) + at.m * (path.A11 + path.A22)
 
     def _longest(self, y: Point, at: Slope, length: float) -> float:
         """``length``, limited to before the stop of slip and just beyond the end of the phase."""
@@ -304,11 +311,14 @@ class PathFollower:
 
     def _is_straight(self, at: Slope, h: float) -> bool:
         """Whether the turn of a step is negligible: see "Straight steps" above."""
-        w, share = abs(at.w), STRAIGHT * self._path.tolerance
+        w, share, pace = abs(at.w), STRAIGHT * self._path.tolerance, self._pace(at)
         A_qq, A_tq = self._path.A_along(at.t1, at.t2)
         pull = at.g + at.m * A_qq
         gain = (w + at.m * abs(A_tq)) * h  # of the speed, by a turn
-        is_small = w <= ROUNDING * pull or w * gain <= share * at.s * pull
+        is_rounding = w <= ROUNDING * pace * max(
+            1.0, h * pace / at.s
+        )  # that of the slip, which a stage adds up
+        is_small = is_rounding or w * gain <= share * at.s * pull
         drawn = pull > 0 and is_small and w * at.s <= share * max(at.s, self._l2) * pull
         return w * h <= share * at.s or drawn
 
@@ -337,12 +347,13 @@ class PathFollower:
         to = Point._make([*(x + rise for x, rise in zip(y[:8], rises, strict=True)), y.p_c, y.W_c])
         if not at.t1 * to.v1 + at.t2 * to.v2 > 0:
             return y, math.inf
-        size = max(min(at.s, math.hypot(to.v1, to.v2)), self._l2)
+        least, allowed = min(at.s, math.hypot(to.v1, to.v2)), STEP_SHARE * self._path.tolerance
+        size = min(max(least, self._l2), LEAST_SHARE * least / allowed)
         fifth = [total(ERROR_5, i) for i in range(3)]
         third = [rises[i] - total(ORDER_3, i) for i in range(3)]
         pace = max(1.0, abs(to.u))  # u exceeds 1 if friction jams
         e5, e3 = (math.hypot(e[0], e[1]) / size + abs(e[2]) / pace for e in (fifth, third))
-        error = step_error(e5, e3) / (STEP_SHARE * self._path.tolerance)
+        error = step_error(e5, e3) / allowed
         return to, error if error >= 0 and not bends else math.inf  # NaN is infinite, too
 
     def _end_of_phase(self, y: Point, at: Slope, h: float, to: Point, *, turns: bool) -> Point:
