@@ -29,7 +29,7 @@ def friction_at_speed(speed: float, contact: Contact) -> float:
 
 
 def approach_speed(body_a: Body, body_b: Body, contact: Contact) -> float:
-    """Return the approach speed before the impact, correct to rounding; 0 if the bodies separate [m/s].
+    """Return the approach speed before the impact, right to some 2^-52; 0 if the bodies separate [m/s].
 
     Raises:
         ImpactError: OUT_OF_RANGE, if the speed is beyond float64. Others, if the request breaks a rule of
@@ -94,7 +94,7 @@ def initial_friction(body_a: Body, body_b: Body, contact: Contact, law: Law) -> 
 def initial_slip_speed(body_a: Body, body_b: Body, contact: Contact) -> float:
     """Return the tangential speed of body_a relative to body_b at the contact before the impact [m/s].
 
-    It is ``|n x u| / |n|``, correct to rounding. The components of ``n x u`` are the velocities along three
+    It is ``|n x u| / |n|``, right to some 2^-51. The components of ``n x u`` are the velocities along three
     vectors that are exactly perpendicular to ``n``, so no part of the approach is left in them.
 
     Raises:

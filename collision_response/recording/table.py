@@ -74,12 +74,11 @@ def answer_of(row: Record) -> dict[str, Any]:
 
 
 def _request_of(row: Record) -> dict[str, list[float]]:
+    (contact,) = numbers_of_contacts([(row.body_a, row.body_b, row.contact)], [row.impact.contact])
     return {
         "request_a": body_to_numbers(row.body_a),
         "request_b": body_to_numbers(row.body_b),
-        "request_contact": numbers_of_contacts([(row.body_a, row.body_b, row.contact)], [row.impact.contact])[
-            0
-        ],
+        "request_contact": contact,
         "request_model": [*row.model],
     }
 
