@@ -298,11 +298,15 @@ def tried(graph, monkeypatch):
     The node does not see these clients, as if they had left before it could.
     """
     unseen, tried = set(), []
-    look, send = ConnectedClients._refresh, server._try_to_send
+    look, is_connected = ConnectedClients._refresh, ConnectedClients.is_connected
+    send = server._try_to_send
 
     def look_past(presence):
         look(presence)
         presence._connected -= unseen
+
+    def is_seen(presence, client):  # others' requests may have made it look before this one came
+        return client not in unseen and is_connected(presence, client)
 
     def first_are_unseen(header):
         client = clients.client_id(header)
@@ -317,6 +321,7 @@ def tried(graph, monkeypatch):
         return False
 
     monkeypatch.setattr(ConnectedClients, "_refresh", look_past)
+    monkeypatch.setattr(ConnectedClients, "is_connected", is_seen)
     monkeypatch.setattr(server, "client_id", first_are_unseen)
     monkeypatch.setattr(server, "_try_to_send", send_to_others)
     monkeypatch.setattr(server, "MAX_DISCOVERY_TIME", 1.0)  # all requests must arrive within this time

@@ -241,8 +241,7 @@ class Server:
             return
         try:
             status, response = yield from call.endpoint.node_service.answer(call.request)
-            if not self._is_dropped(call):  # another client may have been tried in vain meanwhile
-                self._send(call, status, response)
+            self._send(call, status, response)
         except InvalidHandle:  # of a node that another thread destroys meanwhile
             raise
         except Exception as error:
