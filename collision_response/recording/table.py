@@ -104,7 +104,7 @@ def numbers_of_contacts(
     contacts = [contact for _, _, contact in requests]
     restitutions = [contact.restitution for contact in contacts]
     if len(contacts) == 1 and callable(restitutions[0]) and used[0].restitution > 0:
-        restitutions = [used[0].restitution]
+        restitutions = [used[0].restitution]  # no cluster, no threshold: it is the value
     if any(map(callable, restitutions)):
         speeds = [approach_speed(*request) for request in requests]
         restitutions = restitutions_at_speeds(speeds, contacts, ["contact"] * len(contacts))

@@ -24,6 +24,7 @@ struct Cone {
     for (const R& x : row[side][0]) square += high(x) * high(x);
     return square;
   }
+  // Whether it touches a body that has less than a thousandth part.
   bool has_heavy_body() const { return (body[0] >= 0 && own_part(0) < 1e-3) || (body[1] >= 0 && own_part(1) < 1e-3); }
 
   // B y: the velocity by a motion of the bodies.

@@ -11,7 +11,9 @@ namespace {
 
 constexpr double SHARING = 1e-9;  // for contacts whose normals or lever arms differ by 3e-5
 
-constexpr double NO_WALL = 1e-9;  // weight of a body that has a thirtieth part in n.K n, or more
+// The weight of a body that has a thirtieth part in n.K n, or more: no wall at all, because even 1e-12 of one upsets loads
+// that normals decide which differ by as little.
+constexpr double NO_WALL = 1e-9;
 
 using Velocity = std::array<double, 3>;
 
@@ -41,18 +43,14 @@ struct Walls {
   }
   // Of a wall at the contact, or of the centre of mass of a body.
   Velocity velocity_of(const AssembledContact& contact, int side) const {
-    Velocity v{};
-    if (const int body = contact.body[side]; body >= 0) {
-      const AssembledBody& of = assembly.bodies[body];
-      const Velocity spin = cross(of.x + BODY_ANGULAR_VELOCITY_X, of.centre_in_doubles.com());
-      for (int k = 0; k < 3; ++k) v[k] = of.x[BODY_VELOCITY_X + k] + spin[k];
-    } else if (const int wall = contact.wall[side]; wall >= 0) {
-      const double* of = assembly.walls[wall].x;
-      double arm[3];
-      for (int k = 0; k < 3; ++k) arm[k] = contact.point[k] - of[BODY_POSITION_X + k];
-      const Velocity spin = cross(of + BODY_ANGULAR_VELOCITY_X, arm);
-      for (int k = 0; k < 3; ++k) v[k] = of[BODY_VELOCITY_X + k] + spin[k];
-    }
+    const int body = contact.body[side], wall = contact.wall[side];
+    if (body < 0 && wall < 0) return {};  // at rest
+    const AssembledBody& of = body < 0 ? assembly.walls[wall] : assembly.bodies[body];
+    Velocity arm;  // from the reference point
+    for (int k = 0; k < 3; ++k)
+      arm[k] = body < 0 ? contact.point[k] - of.x[BODY_POSITION_X + k] : of.centre_in_doubles.com()[k];
+    Velocity v = cross(of.x + BODY_ANGULAR_VELOCITY_X, arm.data());
+    for (int k = 0; k < 3; ++k) v[k] += of.x[BODY_VELOCITY_X + k];
     return v;
   }
   // Stretch the motion of a body along its velocity, so that its work counts. `fastest`: speed in the metric of kinetic

@@ -18,7 +18,8 @@ it gets there, however long it stays. So a step keeps the direction of slip if i
 the turn is small, ``|w| dx`` against ``s``. Or slip is drawn back at the rate ``pull / s`` with
 ``pull = g + m A_qq``, and so turns by ``|w| / pull`` at most. Then both ``s |w| / pull`` and the effect of
 the turn on ``g dx`` must be negligible; the latter compared with the slip, however small, since slip may grow
-in one direction and stop in another. Planar slip takes straight steps only.
+in one direction and stop in another. A turn below the rounding of a step is none. Planar slip takes straight
+steps only.
 
 **Slip stops.** ``h = A^-1 b`` would hold the contact. It sticks if ``|h| <= mu(0)``, and then to the end, as
 the forces keep their ratio. Otherwise it first slips on along the ray of ``mu(0)`` (see ``routh.py``). If
@@ -315,10 +316,8 @@ class PathFollower:
         A_qq, A_tq = self._path.A_along(at.t1, at.t2)
         pull = at.g + at.m * A_qq
         gain = (w + at.m * abs(A_tq)) * h  # of the speed, by a turn
-        is_rounding = w <= ROUNDING * pace * max(
-            1.0, h * pace / at.s
-        )  # that of the slip, which a stage adds up
-        is_small = is_rounding or w * gain <= share * at.s * pull
+        rounding = ROUNDING * pace * max(1.0, h * pace / at.s)  # a stage adds up slips of h * pace
+        is_small = w <= rounding or w * gain <= share * at.s * pull
         drawn = pull > 0 and is_small and w * at.s <= share * max(at.s, self._l2) * pull
         return w * h <= share * at.s or drawn
 
