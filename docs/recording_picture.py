@@ -29,11 +29,13 @@ RECORDING = ROOT / "recordings" / "demo.rrd"
 PICTURE = ROOT / "docs" / "images" / "recording.png"
 VIEWER = Path(rerun_cli.__file__).with_name("rerun")
 APPLICATION = "collision_response"
-WIDTH = 1280
 PORT = 9433
 
-SHOWN = (0.0, 0.033, 1.0, 0.965)
-"""Left, top, right and bottom of the picture, as fractions of the width and height of the window."""
+WINDOW = "1060x720"
+"""Width and height of the window: small, so that its text can be read on a page 880 pixels wide."""
+
+BARS = 36, 32
+"""Heights of the menu at the top and of the time bar at the bottom, which the picture leaves out [pixels]."""
 
 SETTLING = 3.0
 """Time for the viewer to load and draw everything [s]."""
@@ -44,7 +46,7 @@ ANSWER = 33
 SPAN = 1.0
 """Time from shortly before the first impact that the plots show [s]."""
 
-EYE = rrb.EyeControls3D(position=(0.42, -0.45, 0.65), look_target=(0.42, 0.2, 0.0), eye_up=(0.0, 0.0, 1.0))
+EYE = rrb.EyeControls3D(position=(0.46, -0.52, 0.72), look_target=(0.46, 0.19, 0.0), eye_up=(0.0, 0.0, 1.0))
 
 
 def times() -> tuple[np.datetime64, np.datetime64]:
@@ -67,15 +69,18 @@ def with_layout(start: np.datetime64, folder: Path) -> Path:
 
 def screenshot(recording: Path, at: np.datetime64) -> Image.Image:
     """Screenshot of the viewer."""
-    viewer = ViewerClient.spawn(headless=True, port=PORT, executable_path=str(VIEWER))
+    process = subprocess.Popen([VIEWER, "--headless", "--window-size", WINDOW, "--port", str(PORT)])
     try:
+        time.sleep(SETTLING)
+        viewer = ViewerClient(f"rerun+http://127.0.0.1:{PORT}/proxy")
         viewer.open(str(recording))
         time.sleep(SETTLING)
         viewer.set_time("ros_time", timestamp=at, play_state="paused")
         time.sleep(SETTLING)
         return Image.open(io.BytesIO(viewer.take_screenshot()))
     finally:
-        viewer.quit()
+        process.terminate()
+        process.wait()
 
 
 def main() -> None:
@@ -83,10 +88,9 @@ def main() -> None:
     start, at = times()
     with tempfile.TemporaryDirectory() as folder:
         picture = screenshot(with_layout(start, Path(folder)), at)
-    left, top, right, bottom = (share * size for share, size in zip(SHOWN, picture.size * 2, strict=True))
-    picture = picture.convert("RGB").crop((left, top, right, bottom))
-    picture.thumbnail((WIDTH, WIDTH))
-    picture.save(PICTURE, optimize=True)
+    top, bottom = BARS
+    shown = (0, top, picture.width, picture.height - bottom)
+    picture.convert("RGB").crop(shown).save(PICTURE, optimize=True)
 
 
 if __name__ == "__main__":

@@ -42,9 +42,7 @@ PLOTS = {
 }
 """The plots by entity. The curves of a plot share an entity, because each entity makes a recording larger."""
 
-SCENE = (
-    "Velocity before (blue), after (orange), spin darker; contact normal (grey), impulse (green) in its cone"
-)
+SCENE = "Velocity before (blue), after (orange), spin darker; impulse (green) in its cone"
 
 
 def body_path(name: str) -> str:
