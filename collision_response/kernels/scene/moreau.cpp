@@ -222,8 +222,10 @@ ClusterImpulses moreau_with_friction(const Assembly& assembly) {
   for (const Axes& one : programme.P) greatest = std::fmax(greatest, one[0]);
   if (!(change <= std::fmin(10 * SMALLER, 1e-4 * greatest))) return {false};
   for (int i = 0; i < assembly.count; ++i) P[i] = in_newton_seconds(programme.P[i], assembly.contacts[i], speed);
+  const double of_rebound = programme.rebound_error();
+  if (of_rebound > SOLVED) return {false};
   const double of_shifts = assembly.is_locked ? INFINITY : SettledShifts(programme, shifts).velocity_error(change);
-  const double error = speed * (motion_error + programme.rebound_error() + of_shifts);
+  const double error = speed * (motion_error + of_rebound + of_shifts);
   return with_axis_impulses({true, {}, error}, assembly, P);
 }
 
