@@ -48,7 +48,7 @@ def emit(
         name: the name of the function.
         inputs: the names of the inputs, in the order of ``in``.
         bounded: the results to write with their error bounds.
-        reported: the results to write without.
+        reported: the results to write without, rounded at the end.
         flags: the conditions to write, as the values decide them, whatever their errors.
         certainties: conditions to write after the flags, as true only if their errors leave no doubt.
         branches: how many additions an ``if`` must save to be written. By default no ``if`` is written.
@@ -56,7 +56,8 @@ def emit(
     bounded, reported, flags, certainties = map(list, (bounded, reported, flags, certainties))
     tape = (bounded + reported + flags)[0].tape
     wanted = [(x.index, CppType.BOUNDED) for x in [*bounded, *certainties]]
-    wanted += [(x.index, CppType.REPORT) for x in [*reported, *flags]]
+    wanted += [(x.index, CppType.VALUE) for x in reported]
+    wanted += [(x.index, CppType.REPORT) for x in flags]
     types = needed_types(tape, wanted)
     guards = {} if branches is None else compute_guards(tape, types, {index for index, _ in wanted}, branches)
     writer = _TapeWriter(tape, types, "t", {name: i for i, name in enumerate(inputs)}, None, guards)
