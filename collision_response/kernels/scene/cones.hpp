@@ -232,6 +232,11 @@ class Cones {
     }
   }
 
+  // How much less work impulses would do if a contact without a load separated faster, by how much: lambda.
+  double gain_by_parting(size_t i) const {
+    return cones[i].is_partial() || high(P[i][0]) > 0 ? 0 : std::fmax(-high(x[6 * body_count + i]), 0);
+  }
+
   // y = B^T P
   Vector motion() const {
     Vector y(6 * static_cast<size_t>(body_count));

@@ -76,7 +76,8 @@ struct LeastWork {
   const double tolerance;
   const SharedLoads shared = share_loads(assembly, frictionless.normal);
   const double speed = shared.greatest;
-  std::vector<int> loaded{};
+  std::vector<int> loaded{}, parting{};  // loaded: by impulses without friction, but for those that part
+  std::vector<bool> is_taken_back = std::vector<bool>(assembly.count);
   double mean = 0;  // of n.K n, for unit normals
   std::vector<Axes> normal_only = std::vector<Axes>(assembly.count);
   Motion before{assembly};  // friction
@@ -95,20 +96,16 @@ struct LeastWork {
   }
 
   // The impulses with friction, if that takes energy: else rounding is all that it does.
-  ClusterImpulses resolve() const {
+  ClusterImpulses resolve() {
     const std::vector<AssembledContact>& contacts = assembly.contacts;
     ClusterImpulses result = frictionless;
     result.error += left_out;
     if (std::none_of(loaded.begin(), loaded.end(), [&](int i) { return contacts[i].mu > LEAST_FRICTION; }))
       return result;
-    Cones<double> programme = as_cones();
-    const double error = solve(programme) * speed;
+    Solution solution = least_work();
+    while (let_part(solution) || take_back(solution)) solution = least_work();
+    auto& [P, after, error, gains] = solution;
     result.error += error;
-    std::vector<Axes> P(assembly.count);
-    for (size_t k = 0; k < loaded.size(); ++k)
-      P[loaded[k]] = in_newton_seconds(programme.P[k], contacts[loaded[k]], speed);
-    Motion after(assembly);
-    for (int i = 0; i < assembly.count; ++i) after.apply(i, P[i]);
     if (creates_energy(after, P)) {
       result.error += distance_from_before(after);
       return result;
@@ -143,6 +140,56 @@ struct LeastWork {
     programme.effect_of_loads = std::fmax(norm_of(before.y) / speed, LEAST_EFFECT_OF_LOADS);
     programme.prepare();
     return programme;
+  }
+
+  struct Solution {
+    std::vector<Axes> P;
+    Motion after;
+    double error;
+    Vector gains;  // for each contact that is loaded: gain_by_parting
+  };
+  // The impulses of least work of the contacts that are loaded.
+  Solution least_work() const {
+    Cones<double> programme = as_cones();
+    const double error = solve(programme) * speed;
+    Solution found{std::vector<Axes>(assembly.count), Motion(assembly), error, {}};
+    for (size_t k = 0; k < loaded.size(); ++k) {
+      const int i = loaded[k];
+      found.P[i] = in_newton_seconds(programme.P[k], assembly.contacts[i], speed);
+      found.after.apply(i, found.P[i]);
+      found.gains.push_back(programme.gain_by_parting(k));
+    }
+    return found;
+  }
+
+  // Let contacts part that friction unloads, those first that gain most. Returns whether there are any. Contacts that hold
+  // a body from both sides stay.
+  bool let_part(const Solution& found) {
+    if (assembly.is_locked) return false;
+    const double most = greatest_of(found.gains);
+    std::vector<int> still_loaded, now_parting;
+    for (size_t k = 0; k < loaded.size(); ++k) {
+      const bool does_part = found.gains[k] > most / 2 && !is_taken_back[loaded[k]];
+      (does_part ? now_parting : still_loaded).push_back(loaded[k]);
+    }
+    if (still_loaded.empty() || now_parting.empty()) return false;
+    loaded = std::move(still_loaded);
+    parting.insert(parting.end(), now_parting.begin(), now_parting.end());
+    return true;
+  }
+  // Take back contacts that do not separate as fast as without friction. They part no more. Returns whether there are any.
+  bool take_back(const Solution& found) {
+    constexpr double SLOWER = 1e-9;
+    std::vector<int> still_parting;
+    for (int i : parting) {
+      const double u = found.after.velocity(i, 0) - before.velocity(i, 0);
+      is_taken_back[i] = u * assembly.contacts[i].unit() < -SLOWER * speed;
+      (is_taken_back[i] ? loaded : still_parting).push_back(i);
+    }
+    if (still_parting.size() == parting.size()) return false;
+    std::sort(loaded.begin(), loaded.end());
+    parting = std::move(still_parting);
+    return true;
   }
 
   // Solve the programme in doubles, and in double-double if they are not enough. Returns a bound on the error of y.

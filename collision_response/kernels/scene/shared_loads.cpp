@@ -173,8 +173,11 @@ SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p) {
   };
   Vector loads = loads_of(assembly, shared);
   const double greatest = greatest_of(loads), no_load = NO_LOAD * greatest;
-  // A body without a load has none to share. Rounding gives it some.
-  const Vector given = loads_nearby(assembly, loads_of(assembly, p));
+  // A body without a load has none to share. Where p leaves it without, its share may be rounding.
+  Vector sure = loads_of(assembly, p);
+  for (int i = 0; i < count; ++i)
+    if (loads[i] > SMALL * greatest) sure[i] = std::fmax(sure[i], loads[i]);
+  const Vector given = loads_nearby(assembly, sure);
   std::vector<int> touched;  // contacts of bodies that all have a load
   for (int i = 0; i < count; ++i) {
     if (given[i] > no_load) touched.push_back(i);
