@@ -118,6 +118,71 @@ def test_a_box_that_sticks_comes_to_rest():
     assert answer.regimes == (Regime.STICKING,) * 4
 
 
+def on_slope(size, tilt: float, mu: float, speed: float = 0.0) -> Scene:
+    """A box that gravity has accelerated for a moment, to 1 m/s, on a floor that is tilted about y; e = 0."""
+    x, y, z = size
+    velocity = (math.sin(tilt) + speed, 0.0, -math.cos(tilt))
+    body = Body.box(1.0, size, position=(0.0, 0.0, z / 2), velocity=velocity)
+    corners = [(a * x / 2, b * y / 2, 0.0) for a in (-1, 1) for b in (-1, 1)]
+    contacts = [Contact.of(corner, (0.0, 0.0, 1.0), 0.0, mu) for corner in corners]
+    return Scene([body, Body.static()], [(0, 1)] * 4, contacts)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.1, 0.19, 0.2, 0.4, 0.7])
+@pytest.mark.parametrize("width", [0.2, 0.4])
+def test_a_tall_box_topples_where_its_weight_passes_its_edge(width, tilt):
+    """By statics: friction holds it, so it turns about its lower edge if tan(tilt) > width / height."""
+    turn = max((math.sin(tilt) - width * math.cos(tilt)) / 2, 0) / ((1 + width**2) / 3)
+    answer = on_slope((width, 0.5, 1.0), tilt, 3.0).resolve(Law.COULOMB)
+    assert math.dist(answer.twists[0].angular, (0.0, turn, 0.0)) < answer.error_bound * 10
+    assert [regime is Regime.SEPARATING for regime in answer.regimes[:2]] == [turn > 0] * 2
+    assert answer.regimes[2:] == (Regime.STICKING,) * 2
+
+
+@pytest.mark.parametrize("seed", range(120))
+def test_slides_sticks_and_topples_as_by_moreau(seed):
+    """Boxes that move in a plane, with e = 0. MOREAU finds the velocities and friction by another method."""
+    rng = random.Random(seed)
+    size = [rng.uniform(0.1, 1.0) for _ in range(3)]
+    scene = on_slope(size, rng.uniform(0.0, math.pi / 4), rng.uniform(0.0, 1.2), rng.choice((0.0, 0.0, 3.0)))
+    answer, moreau = scene.resolve(Law.COULOMB), scene.resolve(Law.MOREAU)
+    assert distance(scene, answer, moreau) <= answer.error_bound + min(moreau.error_bound, 1e-9)
+
+
+@pytest.mark.parametrize("turns", [60.0, -60.0])
+def test_a_driven_wheel_climbs_a_wall(turns):
+    """Friction at the wall lifts it off the floor, or presses it down. One contact, or two that slide."""
+    wheel = Body.sphere(
+        1.0, 0.1, position=(0, 0, 0.1), velocity=(-1.0, 0.0, -0.02), angular_velocity=(0, turns, 0)
+    )
+    floor = Contact.of((0, 0, 0), (0, 0, 1), 0.0, 1.0)
+    wall = Contact.of((-0.1, 0, 0.1), (1, 0, 0), 0.0, 1.0)
+    twist = resolve_scene([wheel, Body.static()], [(0, 1)] * 2, [floor, wall]).twists[0]
+    if turns < 0:
+        assert twist.linear.z == pytest.approx(1.0 - 0.02, rel=1e-6)
+        alone = resolve(wheel, Body.static(), wall).twist_a
+        assert math.dist(twist.angular, alone.angular) < 1e-5
+    else:  # P_floor + P_wall = 1 and P_floor - P_wall = 0.02, and both brake the turn
+        assert math.dist(twist.linear, (0, 0, 0)) < 1e-6
+        assert twist.angular.y == pytest.approx(60.0 - 0.1 * (0.51 + 0.49) / wheel.inertia.yy, rel=1e-6)
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+def test_a_plate_on_four_legs_is_braked_evenly_in_any_order(law):
+    """The least number of contacts that can carry the plate is three: which three, no order decides."""
+    places = [(2, 2), (-2, 2), (2, -2), (-2, -2)]
+    plate = Body.box(1.0, (4, 4, 1), position=(0, 0, 1.5), velocity=(1.0, 0.0, -1.0))
+    legs = [Body.box(1.0, (1, 1, 1), position=(x, y, 0.5)) for x, y in places]
+    for order in itertools.permutations(range(4)):
+        pairs = [pair for k in order for pair in ((0, k + 1), (k + 1, 5))]
+        points = [(*places[k], height) for k in order for height in (1, 0)]
+        contacts = [Contact.of(point, (0, 0, 1), 0.0, 0.5) for point in points]
+        answer = resolve_scene([plate, *legs, Body.static()], pairs, contacts, ImpactModel(law))
+        speed = 1.0 if law is Law.FRICTIONLESS else 0.5
+        assert math.dist(answer.twists[0].linear, (speed, 0, 0)) < 1e-6
+        assert answer.twists[0].angular.norm() < 1e-6
+
+
 def test_friction_does_not_depend_on_the_frame():
     """A moving floor with a box that moves along, as at rest."""
     still = box((1.0, 0.5, -1.0), (0.3, -0.2, 0.5), e=0.5, mu=0.3)

@@ -232,10 +232,8 @@ class Cones {
     }
   }
 
-  // How much less work impulses would do if a contact without a load separated faster, by how much: lambda.
-  double gain_by_parting(size_t i) const {
-    return cones[i].is_partial() || high(P[i][0]) > 0 ? 0 : std::fmax(-high(x[6 * body_count + i]), 0);
-  }
+  // Of a contact without a load: how much less work impulses would do if it separated faster, by how much.
+  double gain_by_parting(size_t i) const { return std::fmax(-high(x[6 * body_count + i]), 0); }
 
   // y = B^T P
   Vector motion() const {

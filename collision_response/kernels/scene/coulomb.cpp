@@ -8,9 +8,12 @@
 //     P.A P / 2 + u.P  ->  min
 //
 // This is a convex programme. The impulses of GRR are admissible in it, so energy cannot grow. It is strictly convex in
-// the velocities, so these are unique, and as symmetric as the scene. If another contact then approaches, one more
-// projection, with e = 0, stops that. It only takes energy, too; and because it adds normal impulse, friction stays in
-// its cones.
+// the velocities, so these are unique, and as symmetric as the scene.
+//
+// Friction may leave a contact without a load, as the upper edge of a box that topples. Its velocity need not be kept
+// then: the contact is left out, the least work found again, which is less, and so on. A contact that would not separate
+// faster than before is taken back. If another one approaches in the end, one more projection, with e = 0, stops that. It
+// only takes energy, too; and because it adds normal impulse, friction stays in its cones.
 //
 // The work is that on relative velocities, not the change of kinetic energy: next to a moving floor, the latter depends
 // on the observer.
@@ -76,7 +79,7 @@ struct LeastWork {
   const double tolerance;
   const SharedLoads shared = share_loads(assembly, frictionless.normal);
   const double speed = shared.greatest;
-  std::vector<int> loaded{}, parting{};  // loaded: by impulses without friction, but for those that part
+  std::vector<int> loaded{}, parting{};  // parting: loaded without friction, but not with it
   std::vector<bool> is_taken_back = std::vector<bool>(assembly.count);
   double mean = 0;  // of n.K n, for unit normals
   std::vector<Axes> normal_only = std::vector<Axes>(assembly.count);
@@ -146,44 +149,49 @@ struct LeastWork {
     std::vector<Axes> P;
     Motion after;
     double error;
-    Vector gains;  // for each contact that is loaded: gain_by_parting
+    Vector gains;  // by parting
   };
   // The impulses of least work of the contacts that are loaded.
   Solution least_work() const {
     Cones<double> programme = as_cones();
     const double error = solve(programme) * speed;
-    Solution found{std::vector<Axes>(assembly.count), Motion(assembly), error, {}};
+    Solution found{std::vector<Axes>(assembly.count), Motion(assembly), error, Vector(assembly.count)};
     for (size_t k = 0; k < loaded.size(); ++k) {
       const int i = loaded[k];
       found.P[i] = in_newton_seconds(programme.P[k], assembly.contacts[i], speed);
       found.after.apply(i, found.P[i]);
-      found.gains.push_back(programme.gain_by_parting(k));
+      found.gains[i] = programme.gain_by_parting(k);
     }
     return found;
   }
 
-  // Let contacts part that friction unloads, those first that gain most. Returns whether there are any. Contacts that hold
-  // a body from both sides stay.
+  bool may_part(int i, const Solution& found) const {
+    return !(found.P[i][0] > 0) && !(shared.part[i] < 1) && !is_taken_back[i];
+  }
+  // Let contacts part that friction unloads, those first that gain most by it: others may then have a load again. Returns
+  // whether there are any. Where bodies are held from two sides, all contacts stay: one that parts would press another.
   bool let_part(const Solution& found) {
     if (assembly.is_locked) return false;
-    const double most = greatest_of(found.gains);
+    double most = 0;
+    for (int i : loaded)
+      if (may_part(i, found)) most = std::fmax(most, found.gains[i]);
     std::vector<int> still_loaded, now_parting;
-    for (size_t k = 0; k < loaded.size(); ++k) {
-      const bool does_part = found.gains[k] > most / 2 && !is_taken_back[loaded[k]];
-      (does_part ? now_parting : still_loaded).push_back(loaded[k]);
+    for (int i : loaded) {
+      const bool does_part = may_part(i, found) && found.gains[i] >= most / 2;
+      (does_part ? now_parting : still_loaded).push_back(i);
     }
     if (still_loaded.empty() || now_parting.empty()) return false;
     loaded = std::move(still_loaded);
     parting.insert(parting.end(), now_parting.begin(), now_parting.end());
     return true;
   }
-  // Take back contacts that do not separate as fast as without friction. They part no more. Returns whether there are any.
+  // Take back contacts that do not separate faster than without friction. They part no more. Returns whether there are any.
   bool take_back(const Solution& found) {
-    constexpr double SLOWER = 1e-9;
+    constexpr double FASTER = 1e-9;  // below the error of most answers
     std::vector<int> still_parting;
     for (int i : parting) {
       const double u = found.after.velocity(i, 0) - before.velocity(i, 0);
-      is_taken_back[i] = u * assembly.contacts[i].unit() < -SLOWER * speed;
+      is_taken_back[i] = u * assembly.contacts[i].unit() < FASTER * speed;
       (is_taken_back[i] ? loaded : still_parting).push_back(i);
     }
     if (still_parting.size() == parting.size()) return false;

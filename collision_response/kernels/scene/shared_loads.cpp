@@ -22,24 +22,24 @@ using Velocity = std::array<double, 3>;
 struct Walls {
   const Assembly& assembly;
   Vector weight;  // of each body: how much it counts as a wall, from 0 to 1
-  Velocity drift{};  // of walls, on average over the cones. Work is what an observer sees who moves with it
+  Velocity drift{};  // of walls, on average over the loads. Work is what an observer sees who moves with it
 
-  Walls(const Assembly& assembly, const std::vector<int>& among, const std::vector<Cone<DD>>& cones)
+  Walls(const Assembly& assembly, const Vector& loads, const std::vector<Cone<DD>>& cones)
       : assembly(assembly), weight(assembly.body_count, 1) {
     for (const Cone<DD>& cone : cones)
       for (int side = 0; side < 2; ++side)
         if (const int body = cone.body[side]; body >= 0) weight[body] = std::fmin(weight[body], cone.own_part(side));
     for (double& one : weight) one = std::pow(1 + 1e6 * one, -2);
     double total = 0;
-    for (int i : among)
+    for (int i = 0; i < assembly.count; ++i)
       for (int side = 0; side < 2; ++side) {
         const int body = assembly.contacts[i].body[side];
-        const double own = body < 0 ? 1 : weight[body];
+        const double own = loads[i] * (body < 0 ? 1 : weight[body]);
         const Velocity v = velocity_of(assembly.contacts[i], side);
         for (int k = 0; k < 3; ++k) drift[k] += own * v[k];
         total += own;
       }
-    for (double& one : drift) one /= total;
+    for (double& one : drift) one /= total > 0 ? total : 1;
   }
   // Of a wall at the contact, or of the centre of mass of a body.
   Velocity velocity_of(const AssembledContact& contact, int side) const {
@@ -96,7 +96,7 @@ Vector share_nearly(const Assembly& assembly, const Vector& loads, const std::ve
     programme.cones.back().mu = 0;
     programme.P.push_back({DD{loads[i] / greatest, 0}, DD{}, DD{}});
   }
-  const Walls moving(assembly, among, programme.cones);
+  const Walls moving(assembly, loads, programme.cones);
   for (size_t k = 0; k < among.size() && fastest > 0; ++k)
     for (int side = 0; side < 2; ++side) {
       const AssembledContact& contact = assembly.contacts[among[k]];
