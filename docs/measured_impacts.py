@@ -103,11 +103,11 @@ def of_impacts(measured: Impacts) -> dict[str, Any]:
     results: dict[str, Any] = {"impacts": len(measured), "laws": {}}
     for law in LAWS:
         found = identify(measured, law, resamples=100)
-        missed = norms(measured.residuals(law, found.values, "kinetic")) / size
+        off = norms(measured.residuals(law, found.values, "kinetic"))
         results["laws"][law.name] = {
             "coefficients": {name: list(one[:3]) for name, one in found.coefficients.items()},
-            "misfit": found.misfit,
-            "missed": percentiles(missed),
+            "misfit": float(np.linalg.norm(off) / np.linalg.norm(size)),
+            "missed": percentiles(off / size),
         }
         print(found)
     results["rounding"] = percentiles(rounding(measured, results["laws"]["COULOMB"]["coefficients"]))

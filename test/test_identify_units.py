@@ -13,8 +13,9 @@ from collisions import random_collision
 
 from collision_response import Body, Contact, ImpactModel, Law, Twist, resolve
 from collision_response.identify import Impacts, identify
+from collision_response.identify.measurements import BODY
 
-IMPULSE, ENERGY = "no impulse at the contact points", "which no law does"
+IMPULSE, ENERGY, APPROACH = "no impulse at the contact points", "which no law does", "still approach"
 
 
 def spheres(fault=lambda before, after: (before, after)):
@@ -48,6 +49,10 @@ FAULTS = {
         lambda b, a: (b._replace(inertia=b.inertia * 0), Twist(a.linear * 1000, a.angular * math.nan)),
         {ENERGY},
     ),
+    "the sign of z after": (
+        lambda b, a: (b, a._replace(linear=a.linear._replace(z=-a.linear.z))),
+        {APPROACH},
+    ),
 }
 
 
@@ -56,7 +61,18 @@ def test_wrong_units_and_columns_are_named(kind):
     """Each with the note that is true of it; a fit without fault has none."""
     fault, expected = FAULTS.get(kind, (lambda before, after: (before, after), set()))
     notes = identify(spheres(fault), resamples=2).notes
-    assert {text for text in (IMPULSE, ENERGY) if any(text in note for note in notes)} == expected
+    assert {text for text in (IMPULSE, ENERGY, APPROACH) if any(text in note for note in notes)} == expected
+
+
+def test_the_misfit_is_the_same_for_every_observer():
+    drift = np.array((100.0, -30.0, 20.0))
+    at_rest = spheres()
+    bodies, after = at_rest.bodies.copy(), at_rest.after.copy()
+    bodies[BODY.velocity] += drift[:, None, None]
+    after[:3] += drift[:, None, None]
+    moving = Impacts(bodies, at_rest.contacts, after, at_rest.root)
+    one, other = (identify(impacts, resamples=2) for impacts in (at_rest, moving))
+    assert other.misfit == pytest.approx(one.misfit, rel=1e-6)
 
 
 @pytest.mark.parametrize("kind", Impacts.kinds)
@@ -69,6 +85,7 @@ def test_the_nearest_impulses_explain_the_answers_of_every_law(law, kind):
         answer = resolve(*bodies, contact, ImpactModel(law))
         rows.append((*bodies, contact, answer.twist_a, answer.twist_b))
     impacts = Impacts.of(*zip(*rows, strict=True))
-    missed, energy = impacts.nearest_impulses(kind)
+    missed, energy, approach = impacts.nearest_impulses(kind)
     assert abs(missed).max() <= 1e-12 * abs(impacts.sizes(kind)).max()  # rounding of the pseudo-inverses
     assert energy.max() <= 1 + 1e-9
+    assert approach.max() <= 1e-9

@@ -232,21 +232,34 @@ def test_there_must_be_one_stiffness_for_each_contact():
 
 
 def test_restitution_too_small_for_stronge_is_refused():
-    with refused(StatusCode.PATH_TOO_LONG, "contacts[0].restitution"):
+    with refused(StatusCode.INVALID_COEFFICIENT, "contacts[0].restitution", match=r"is 0\.01$"):
         resolve_scene(*box(e=0.01), ImpactModel(Law.ROUTH_STRONGE))
 
 
 @pytest.mark.parametrize("e", [0.5, lambda speed: 0.5])
-def test_an_approach_too_slow_for_stronge_is_refused_by_its_reason(e):
+def test_below_the_threshold_stronge_takes_the_least_restitution_that_it_can(e):
     bodies, pairs, contacts = box()
     contacts[1:] = [contact._replace(restitution=e) for contact in contacts[1:]]
-    model = ImpactModel(Law.ROUTH_STRONGE, restitution_threshold=10.0)
-    field = "contacts[0].restitution"
-    with refused(StatusCode.PATH_TOO_LONG, field, match="slower than restitution_threshold"):
-        resolve_scene(bodies, pairs, contacts, model)
+    answer = resolve_scene(
+        bodies, pairs, contacts, ImpactModel(Law.ROUTH_STRONGE, restitution_threshold=10.0)
+    )
+    least = [contact._replace(restitution=protocol.LEAST_SPRING_RESTITUTION) for contact in contacts]
+    expected = resolve_scene(bodies, pairs, least, ImpactModel(Law.ROUTH_STRONGE))
+    assert answer.adjustments is Adjustment.RESTITUTION_THRESHOLD
+    assert (answer.twists, answer.contacts) == (expected.twists, tuple(least))
     contacts[0] = contacts[0]._replace(restitution=0.0)
-    with refused(StatusCode.PATH_TOO_LONG, field, match=r"is 0\.0$"):
-        resolve_scene(bodies, pairs, contacts, model)
+    with refused(StatusCode.INVALID_COEFFICIENT, "contacts[0].restitution", match=r"is 0\.0$"):
+        resolve_scene(bodies, pairs, contacts, answer.model._replace(restitution_threshold=10.0))
+
+
+def test_a_contradiction_in_one_of_several_clusters_names_its_contacts():
+    """``resolve_scenes`` answers the other clusters."""
+    balls = [Body.sphere(1.0, 0.1, position=(i, 0, 0.1), velocity=(0, 0, -1)) for i in range(3)]
+    bodies = [*balls, Body.static(), Body.kinematic(velocity=(0.2, 0, 0))]
+    floor = [Contact.of((i, 0, 0), (0, 0, 1)) for i in range(3)]
+    sides = [Contact.of((x, 0, 0.1), (n, 0, 0)) for x, n in ((1.1, -1), (0.9, 1))]
+    with refused(StatusCode.CONTRADICTORY_CONTACTS, "contacts[1, 3, 4]"):
+        resolve_scene(bodies, [(0, 3), (1, 3), (2, 3), (1, 3), (1, 4)], floor + sides)
 
 
 def test_fractions_are_for_rational_laws():

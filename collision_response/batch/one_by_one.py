@@ -34,7 +34,9 @@ def resolve_one_by_one(request: BatchRequest, out: BatchResult, columns: Array) 
         body_a, body_b = (body_of(rows, bodies[:, side, k]) for side in (0, 1))
         contact, own_model = contacts[:, k], model
         if contact.size > contact_rows.height:
-            own_model = model._replace(tangential_restitution=float(contact[contact_rows.height]))
+            own_model = model._replace(
+                tangential_restitution=float(contact[contact_rows.tangential_restitution])
+            )
         try:
             _write_impact(out, i, resolve_one(body_a, body_b, contact_of(contact_rows, contact), own_model))
         except ImpactError as error:

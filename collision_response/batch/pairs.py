@@ -65,9 +65,9 @@ def independent_sets(pairs: Any, movable: Any = None) -> list[Array]:
 
     Args:
         pairs: for each contact the columns of its two bodies, integers, shape ``(2, N)``.
-        movable: for each body whether impulses move it, bool, shape ``(B,)``; ``np.isfinite`` of the masses.
-            If left out, all bodies are movable. Contacts that share only an immovable body, such as a floor,
-            may be in one set.
+        movable: for each body whether impulses move it, bool, shape ``(B,)``, as
+            ``np.isfinite(bodies[rows.mass])[0]``. If left out, all bodies are movable. Contacts that share
+            only an immovable body, such as a floor, may be in one set.
 
     Returns:
         The indices of the contacts of each set, in increasing order.

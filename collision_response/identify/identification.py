@@ -47,7 +47,8 @@ class Identification(NamedTuple):
         combination: estimate of ``friction (1 + restitution)`` if the impacts determine this product but
             neither factor; else ``None``.
         others: by kind and name, the values that other kinds of residuals lead to, if they determine them.
-        misfit: root of the sum of squared residuals divided by the root of the sum of squared measurements.
+        misfit: root of the sum of squared residuals, divided by that of the changes by the impacts; for
+            readings of spheres, by that of the readings.
         squares: sum of squared residuals of each impact, shape ``(N,)``. Impacts that separate, and impacts
             without a useful measurement after them, are left out.
         resampled: fitted coefficients of each resample of the bootstrap, one row each; NaN where one has no
@@ -132,7 +133,8 @@ def identify(
     others = dict(_fits_to_other_residuals(problem))
     values = problem.at(best.x)
     squares = (used.residuals(law, values, kind) ** 2).sum(axis=0)
-    whole = max((used.sizes(kind) ** 2).sum(), NEGLIGIBLE_SQUARES * unit**2)  # not 0 even if all bodies stop
+    least = NEGLIGIBLE_SQUARES * unit**2  # not 0 even if nothing changes
+    whole = max((used.changes(kind) ** 2).sum(), least)
     misfit = math.sqrt(squares.sum() / whole)
     notes = [*_notes(measured, len(used), coefficients, others)]
     if isinstance(used, Impacts) and misfit > LARGE_MISFIT:
@@ -246,7 +248,7 @@ def _notes(
 
 def _faults(used: Impacts, kind: str, misfit: float, whole: float) -> Iterator[str]:
     """Yield what the measurements have that no law can explain, if it is the greater part of the misfit."""
-    missed, energy = used.nearest_impulses(kind)
+    missed, energy, approach = used.nearest_impulses(kind)
     least = math.sqrt((missed**2).sum()) / whole
     if least > misfit / 2:
         yield (
@@ -257,4 +259,9 @@ def _faults(used: Impacts, kind: str, misfit: float, whole: float) -> Iterator[s
         yield (
             f"the impacts make the energy of the relative motion {gain:.2g} times as large, which no law "
             "does: check the units and the signs of the velocities"
+        )
+    if (left := float(np.median(approach))) > LARGE_MISFIT:
+        yield (
+            f"after the impacts the bodies still approach, at {left:.0%} of the speed before, which no law "
+            "lets them: check the signs of the velocities and the normals"
         )

@@ -59,6 +59,10 @@ class Measurements(Protocol):
     def sizes(self, kind: str) -> Array:
         """Return the measurements in the same norm as the residuals, shape ``(rows, N)``."""
 
+    def changes(self, kind: str) -> Array:
+        """Return what the misfit is relative to, in the same norm: the changes by the impact, if known."""
+        return self.sizes(kind)
+
     def rounding(self, kind: str) -> Array:
         """Return up to which size a difference of two residuals may be rounding, shape ``(N,)``."""
 
@@ -177,6 +181,9 @@ class Impacts(Measurements):
     def sizes(self, kind: str) -> Array:
         return self._in_norm(kind, self.after)
 
+    def changes(self, kind: str) -> Array:
+        return self._in_norm(kind, self.after - self._twists_before())
+
     def rounding(self, kind: str) -> Array:
         before, after = self._twists_before(), self.predict(Law.FRICTIONLESS, {"restitution": 1.0})
         largest = [abs(self._in_norm(kind, twists)).max(axis=0) for twists in (before, after - before)]
@@ -203,12 +210,13 @@ class Impacts(Measurements):
         return np.concatenate([result.velocity, result.angular_velocity])
 
     @np.errstate(over="ignore", invalid="ignore")  # an energy beyond float64 is NaN
-    def nearest_impulses(self, kind: str) -> tuple[Array, Array]:
+    def nearest_impulses(self, kind: str) -> tuple[Array, Array, Array]:
         """Find the impulse at each contact point that comes nearest to the measurement, by no law.
 
         Returns:
-            What these impulses miss, like :meth:`residuals`: no law misses less. And by which factor they
-            change the energy of the relative motion at the contact, shape ``(N,)``: by no law more than 1.
+            What these impulses miss, like :meth:`residuals`: no law misses less. By which factor they change
+            the energy of the relative motion at the contact, shape ``(N,)``: by no law more than 1. And the
+            speed of approach that they leave, as a part of that before, shape ``(N,)``: by no law above 0.
         """
         known, before = ~np.isnan(self.after), self._twists_before()
         side, mass = np.array([[1.0], [-1.0]]), self.bodies[BODY.mass][0]
@@ -220,13 +228,15 @@ class Impacts(Measurements):
             spin = np.einsum("snij,snkj,ksn->isn", inverse_root, inverse_root, torque)
             twists.append(side * np.concatenate([axis * (unit / mass), spin]))
         effects = np.array([self._in_norm(kind, np.where(known, twist, 0.0)) for twist in twists]).T
-        change = self._in_norm(kind, self.after - before)
+        change = self.changes(kind)
         impulses = np.einsum("nkr,rn->nk", np.linalg.pinv(effects), change)
         to_contact = np.array([self._at_contact(twist) for twist in twists]).T
         u = self._at_contact(before).T
         u_after = u + np.einsum("nrk,nk->nr", to_contact, impulses)
         energies = [np.einsum("nr,nrk,nk->n", v, np.linalg.pinv(to_contact), v) for v in (u, u_after)]
-        return np.einsum("nrk,nk->rn", effects, impulses) - change, energies[1] / energies[0]
+        approach = [np.einsum("nr,rn->n", v, self.contacts[CONTACT.normal]) for v in (u, u_after)]
+        missed = np.einsum("nrk,nk->rn", effects, impulses) - change
+        return missed, energies[1] / energies[0], approach[1] / approach[0]
 
     def _in_norm(self, kind: str, twists: Array) -> Array:
         twists = np.nan_to_num(twists)

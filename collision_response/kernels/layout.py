@@ -57,7 +57,8 @@ class ContactRows(NamedTuple):
         normal: from body_b to body_a, of any length but 0.
         restitution: in [0, 1].
         friction: >= 0. For the law FRICTIONLESS this row and all after it may be left out.
-        tangential_restitution: in [-1, 1]. If left out, the one of the model is used.
+        tangential_restitution: in [-1, 1]: the number of the one row after ``height``, not a slice, so that
+            writing it to a table without this row is an error. If left out, the one of the model is used.
         height: number of rows with friction and without tangential restitution.
     """
 
@@ -65,7 +66,7 @@ class ContactRows(NamedTuple):
     normal: slice
     restitution: slice
     friction: slice
-    tangential_restitution: slice
+    tangential_restitution: int
     height: int
 
 
@@ -131,9 +132,9 @@ class Layout(Enum):
     def contacts(self) -> ContactRows:
         """The rows of a table of contacts."""
         widths = {name: len(axes) for name, axes in self.contact_fields.items()}
-        slices = slices_of({**widths, "restitution": 1, "friction": 1, "tangential_restitution": 1})
-        rows = (slices.get(field, NO_ROWS) for field in ContactRows._fields[:-1])
-        return ContactRows._make([*rows, len(names_of_contact(self))])
+        slices = slices_of({**widths, "restitution": 1, "friction": 1})
+        rows = (slices.get(field, NO_ROWS) for field in ContactRows._fields[:-2])
+        return ContactRows._make([*rows, *[len(names_of_contact(self))] * 2])
 
 
 def _parsed_fields(text: str) -> dict[str, list[str]]:

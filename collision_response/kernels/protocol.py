@@ -11,6 +11,9 @@ RATIONAL_CONTACTS = 8
 SPRING_WORK = 1_500_000_000
 """Budget for the paths of ROUTH_STRONGE in a cluster, roughly in nanoseconds: a second or two."""
 
+LEAST_SPRING_RESTITUTION = 0.05
+"""Least restitution for ROUTH_STRONGE in a cluster. The less it is, the longer springs take to part."""
+
 
 class Handover(IntEnum):
     """Why the kernels' ``resolve`` hands a request over to Python instead of answering it."""

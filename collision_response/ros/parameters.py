@@ -73,8 +73,8 @@ DECLARATIONS = (
     fixed(
         "max_bodies",
         10_000,
-        "Number of body states to keep, and as many again from BodyStates tables. "
-        "Beyond, the least recently updated are dropped.",
+        "Number of body states to keep, and as many again from BodyStates tables, of which the last of each "
+        "publisher counts. Beyond, the least recently updated are dropped.",
         1,
         10**6,
     ),

@@ -43,7 +43,8 @@ class SceneImpact(NamedTuple):
         regimes: what friction did at each contact; SEPARATING where there is no impulse.
         kinetic_energy_before, kinetic_energy_after: of the dynamic bodies [J].
         energy_lost_restitution, energy_lost_friction: work done against the normal and against the tangential
-            impulses [J]. With friction one of them may be negative, but not their sum.
+            impulses [J]; in clusters of one contact the parts that the law names so, as in
+            :class:`~collision_response.Impact`. With friction one of them may be negative, but not their sum.
         clusters: indices of the contacts that were resolved together.
         order_sensitivity: greatest distance between the answers if contacts are resolved one after another,
             over the orders tried, relative to the change of velocity; ``None`` if none were tried.

@@ -11,6 +11,7 @@ from ..arguments import check_number
 from ..in_python.coefficients_at_speed import approach_speed, initial_friction, restitutions_at_speeds
 from ..in_python.request_numbers import as_fraction, body_as_fractions, contact_as_fractions
 from ..kernels import library
+from ..kernels.protocol import LEAST_SPRING_RESTITUTION
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import PATHS, Law
@@ -63,7 +64,8 @@ class AssembledCluster(NamedTuple):
     Attributes:
         cluster: the cluster.
         parts: its bodies and contacts, with the numbers that are used: every coefficient is a number.
-        below_restitution_threshold: whether an approach is so slow that its restitution is taken as 0.
+        below_restitution_threshold: whether an approach is so slow that its restitution is taken as 0, or
+            as the least that the law can have.
     """
 
     cluster: AnyCluster
@@ -161,7 +163,7 @@ def _with_restitution_as_number(
 def _in_numbers_with_threshold(
     scene: SceneRequest, parts: ClusterParts, options: SceneOptions
 ) -> AssembledCluster:
-    """Return the cluster, without restitution where an approach is slower than the restitution threshold.
+    """Return the cluster, with the least restitution where an approach is below the restitution threshold.
 
     That needs the speeds: where there is such an approach, the cluster is assembled a second time.
     """
@@ -172,7 +174,8 @@ def _in_numbers_with_threshold(
     for i, is_below in enumerate(cluster.approaches_below(threshold)):
         e = contacts[i].restitution
         if e > 0 and (_approaches_below(parts.select([i]), threshold) if is_below is None else is_below):
-            contacts[i] = contacts[i]._replace(restitution=e * 0)
+            least = LEAST_SPRING_RESTITUTION if options.law is Law.ROUTH_STRONGE else e * 0
+            contacts[i] = contacts[i]._replace(restitution=min(e, least))
     if contacts == parts.contacts:
         return AssembledCluster(cluster, parts, False)
     return AssembledCluster(*_in_numbers(scene, parts._replace(contacts=contacts), options.exact), True)

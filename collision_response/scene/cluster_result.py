@@ -45,7 +45,7 @@ class ClusterResult(NamedTuple):
         margin: least distance of a decision from its threshold, relative to the fastest approach.
         restitution: the one restitution used for all contacts; ``None`` if each contact has its own.
         adjustments: an :class:`~collision_response.Adjustment`.
-        fault: for PATH_TOO_LONG, why.
+        fault: for PATH_TOO_LONG and INVALID_COEFFICIENT, why.
         faulty: the contact that the fault is about; -1 for all.
     """
 

@@ -9,7 +9,6 @@ from ..geometry import suffices
 from ..in_python.request_numbers import body_as_fractions, contact_as_fractions
 from ..kernels import library
 from ..model import Adjustment, Geometry, ImpactModel, Precision
-from ..physics.contact import Contact
 from ..physics.laws import CLUSTER_LAWS, Law
 from ..status import ImpactError, StatusCode
 from .assemble import ClusterParts, assemble
@@ -44,7 +43,7 @@ def resolve_cluster(scene: SceneRequest, distinct: DistinctContacts, options: Sc
         result = resolve_in_kernels(cluster, parts, options, law)
         if result.code == StatusCode.UNSET:
             result = decide(cluster, parts, options, has_friction=has_friction)
-    _check_result(result, parts, scene.contacts, below_restitution_threshold)
+    _check_result(result, parts)
     if result.adjustments & Adjustment.LAW_FALLBACK:
         law = Law.COULOMB if has_friction else Law.FRICTIONLESS
     e, contacts = result.restitution, parts.contacts
@@ -66,21 +65,16 @@ def resolve_cluster(scene: SceneRequest, distinct: DistinctContacts, options: Sc
     )
 
 
-def _check_result(
-    result: ClusterResult, parts: ClusterParts, given: Sequence[Contact], below_restitution_threshold: bool
-) -> None:
+def _check_result(result: ClusterResult, parts: ClusterParts) -> None:
     """Raises: ImpactError: if a law has no answer."""
     code = result.code
     if code == StatusCode.CONTRADICTORY_CONTACTS:
         raise contradiction()
+    if code == StatusCode.INVALID_COEFFICIENT:
+        i, e = parts.indices[result.faulty], parts.contacts[result.faulty].restitution
+        raise ImpactError(StatusCode(code), f"contacts[{i}].restitution", f"{result.fault}, is {e}")
     if code == StatusCode.PATH_TOO_LONG:
-        field, reason = "contacts", result.fault
-        if result.faulty >= 0:
-            i, e = parts.indices[result.faulty], parts.contacts[result.faulty].restitution
-            field, reason = f"contacts[{i}].restitution", f"{reason}, is {e}"
-            if below_restitution_threshold and e == 0 and given[i].restitution != 0:
-                reason += " because the approach is slower than restitution_threshold"
-        raise ImpactError(StatusCode.PATH_TOO_LONG, field, reason)
+        raise ImpactError(StatusCode(code), "contacts", result.fault)
     if code != StatusCode.OK:
         raise library.refusal(code)
 

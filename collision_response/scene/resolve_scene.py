@@ -62,7 +62,7 @@ def resolve_scene(
     FRICTIONLESS   generalised reflections, with one restitution for each cluster
     COULOMB        FRICTIONLESS, then the friction that does the least work; AUTO, if there is friction
     MOREAU         Newton's restitution at each contact, as in time steppers
-    ROUTH_STRONGE  springs that give back the fraction e^2 of their work; needs e >= 0.05
+    ROUTH_STRONGE  springs that give back the fraction e^2 of their work; needs e >= 0.05; ignores gaps
     =============  =======================================================================================
 
     Numbers given as :class:`fractions.Fraction` are computed with exactly, by FRICTIONLESS and by MOREAU
@@ -146,10 +146,21 @@ def _resolve_one(scene: SceneRequest, cluster: list[int], options: SceneOptions)
     if len(distinct.indices) == 1 and not (options.exact and law is Law.MOREAU):
         answer = _resolve_single_contact(scene, cluster[0], options.model)
     else:
-        answer = resolve_cluster(scene, distinct, options)
+        try:
+            answer = resolve_cluster(scene, distinct, options)
+        except ImpactError as error:
+            raise _of_cluster(error, scene, cluster) from None
     if len(distinct.indices) < len(cluster):
         answer = split_among_copies(answer, scene, cluster, distinct)
     return answer
+
+
+def _of_cluster(error: ImpactError, scene: SceneRequest, cluster: list[int]) -> ImpactError:
+    """Return an error, with the contacts in the name of its field if it is about one of several clusters."""
+    if error.field != "contacts" or len(cluster) == len(scene.contacts):
+        return error
+    some = ", ".join(map(str, cluster[:10])) + ", ..." * (len(cluster) > 10)
+    return ImpactError(error.code, f"contacts[{some}]", error.reason)
 
 
 def _resolve_single_contact(scene: SceneRequest, i: int, model: ImpactModel) -> ClusterAnswer:

@@ -273,20 +273,21 @@ struct LeastWork {
   double stop_approach(const Motion& after, double error, std::vector<Axes>& P) const {
     const int count = assembly.count;
     std::vector<N> start;
-    bool approaches = false;
+    double approach = 0;
     for (int i = 0; i < count; ++i) {
       const AssembledContact& contact = assembly.contacts[i];
       const double u = after.velocity(i, 0);
       const double doubt = 0x1p-50 * (std::fabs(contact.axes[0].velocity) + after.size_at(i));
-      approaches = approaches || u < -doubt;
+      if (u < -doubt) approach -= u * contact.unit();
       start.push_back({{u * contact.length, 0}, doubt * contact.length});
     }
-    if (!approaches) return 0;
+    if (!(approach > 0)) return 0;
     const Projection last = project(assembly, start, assembly.all_contacts());
-    // GRR has found velocities that separate the contacts. If none are found here, doubles cannot tell.
+    // GRR has found velocities that separate the contacts. If none are found here, doubles cannot tell: the stop then
+    // counts as large as if each contact were stopped by itself.
     const bool is_found = last.status == MinimumStatus::FOUND;
-    const double size = assembly.velocity_size(last.q.data());
-    if (is_found && size <= error) return size;
+    const double size = is_found ? assembly.velocity_size(last.q.data()) : approach;
+    if (size <= error) return size;
     for (int i = 0; i < count; ++i) P[i][0] += last.q[i].h * assembly.contacts[i].length;
     return is_found ? last.error : INFINITY;
   }

@@ -7,7 +7,7 @@ namespace {
 void resolve_by_springs(const Assembly& assembly, const ClusterOptions& options, bool has_friction,
                         ClusterResult& result) {
   PathAnswer answer = follow_springs(assembly, options.springs, has_friction, options.tolerance);
-  if (answer.fault) return result.refuse_path(answer.fault, answer.faulty);
+  if (answer.fault) return result.refuse(answer.fault, answer.faulty);
   answer.impulses.error = answer.error * assembly.velocity_size(answer.impulses.normal.data());
   result.apply(assembly, answer.impulses, true);
   result.effect.error_bound = answer.error + answer.rounding;
@@ -44,7 +44,7 @@ ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& options, c
     const std::optional<bool> is_below = contact.approaches_below(options.restitution_threshold);
     if (!is_below) return result;
     if (!*is_below) continue;
-    contact.e = 0;
+    contact.e = options.law == LAW_ROUTH_STRONGE ? std::fmin(contact.e, LEAST_SPRING_RESTITUTION) : 0;
     result.below_restitution_threshold = true;
   }
   const bool has_friction = cluster.has_friction && options.law != LAW_FRICTIONLESS;
@@ -64,7 +64,7 @@ ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& options, c
   }
   const ClusterImpulses impulses = are_decided ? *decided : reflections(assembly, options.threshold);
   if (!impulses.are_found && assembly.is_locked) {
-    result.refuse_path("press on each other, and may or may not contradict: too many to decide exactly");
+    result.refuse("press on each other, and may or may not contradict: too many to decide exactly");
   } else if (!impulses.are_found) {
     result.code = STATUS_CONTRADICTORY_CONTACTS;
   } else if (impulses.error == INFINITY && !decided) {

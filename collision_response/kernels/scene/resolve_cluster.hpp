@@ -25,7 +25,7 @@ struct ClusterResult {
   ImpulseEffect effect{};
   double margin = INFINITY, restitution = -1;  // as in ClusterImpulses
   bool below_restitution_threshold = false, fell_back = false, no_rebound = false;
-  const char* fault = "";  // for PATH_TOO_LONG: why
+  const char* fault = "";  // for PATH_TOO_LONG and INVALID_COEFFICIENT: why
   int faulty = -1;  // the contact that it is about; -1: all
 
   // Compute what impulses do, and whether that is an answer.
@@ -36,8 +36,8 @@ struct ClusterResult {
     restitution = impulses.restitution;
     no_rebound = impulses.no_rebound;
   }
-  void refuse_path(const char* why, int contact = -1) {
-    code = STATUS_PATH_TOO_LONG;
+  void refuse(const char* why, int contact = -1) {
+    code = contact < 0 ? STATUS_PATH_TOO_LONG : STATUS_INVALID_COEFFICIENT;
     fault = why;
     faulty = contact;
   }

@@ -27,7 +27,6 @@
 namespace {
 
 // Below this restitution a path takes too many compressions to end.
-constexpr double LEAST_RESTITUTION = 0.05;
 constexpr const char* TOO_INELASTIC = "must be at least 0.05 for ROUTH_STRONGE in a cluster";
 
 struct FollowedPath : PathAnswer {
@@ -114,7 +113,7 @@ PathAnswer follow_springs(const Assembly& assembly, const SpringOptions& options
     return answer;
   }
   const auto least = std::min_element(contacts.begin(), contacts.end(), is_less_elastic);
-  if (least->e < LEAST_RESTITUTION) {
+  if (least->e < LEAST_SPRING_RESTITUTION) {
     answer.fault = TOO_INELASTIC;
     answer.faulty = static_cast<int>(least - contacts.begin());
     return answer;

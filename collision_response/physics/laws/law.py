@@ -98,8 +98,8 @@ class Outcome(NamedTuple):
     Attributes:
         impulse: on body_a [N s].
         regime: the number of a :class:`Regime`.
-        energy_lost_restitution: work done against the normal impulse [J].
-        energy_lost_friction: work done against the tangential impulse [J].
+        energy_lost_restitution, energy_lost_friction: how much energy restitution and friction take [J]. Each
+            law says how it divides the loss.
         normal_factor: ``j`` if the impulse of this law is always ``j n``, which makes the change of the
             twists cheaper to compute; else ``None``.
         fell_back: whether the law had no sound answer, and this is that of COULOMB.
