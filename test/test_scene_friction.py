@@ -149,6 +149,26 @@ def test_slides_sticks_and_topples_as_by_moreau(seed):
     assert distance(scene, answer, moreau) <= answer.error_bound + min(moreau.error_bound, 1e-9)
 
 
+def test_a_stack_that_slides_fast_does_not_jump():
+    """Contacts part only where friction opposes the slip; else 25 times the load braked it, on one corner."""
+    sizes = [(1.0, 0.36, 0.9), (0.27, 0.9, 0.44), (0.9, 0.8, 1.0), (0.5, 0.9, 1.2)]
+    centres, masses = (0.0, -0.06, -0.06, 0.09), (0.1, 1.0, 2.0, 1.0)
+    bodies, pairs, contacts, height = [], [], [], 0.0
+    for k, ((x, y, z), centre) in enumerate(zip(sizes, centres, strict=True)):
+        at, below = (centre, 0.0, height + z / 2), max(k - 1, 0)
+        bodies.append(Body.box(masses[k], (x, y, z), position=at, velocity=(2.0, 0.5, -0.01)))
+        low = max(centre - x / 2, centres[below] - sizes[below][0] / 2)
+        high = min(centre + x / 2, centres[below] + sizes[below][0] / 2)
+        wide = min(y, sizes[below][1]) / 2
+        for corner in itertools.product((low, high), (-wide, wide)):
+            pairs.append((k, k - 1 if k else 4))
+            contacts.append(Contact.of((*corner, height), (0, 0, 1), 0.0, 0.5))
+        height += z
+    answer = resolve_scene([*bodies, Body.static()], pairs, contacts)
+    floor = sum(impulse.z for impulse, pair in zip(answer.impulses, pairs, strict=True) if 4 in pair)
+    assert floor < 2 * 0.01 * sum(masses)
+
+
 @pytest.mark.parametrize("turns", [60.0, -60.0])
 def test_a_driven_wheel_climbs_a_wall(turns):
     """Friction at the wall lifts it off the floor, or presses it down. One contact, or two that slide."""

@@ -12,8 +12,12 @@
 //
 // Friction may leave a contact without a load, as the upper edge of a box that topples. Its velocity need not be kept
 // then: the contact is left out, the least work found again, which is less, and so on. A contact that would not separate
-// faster than before is taken back. If another one approaches in the end, one more projection, with e = 0, stops that. It
-// only takes energy, too; and because it adds normal impulse, friction stays in its cones.
+// faster than before is taken back. In the plane, and where contacts stick, this is Coulomb's law with the normal
+// velocities of GRR. In space it may not be: the few contacts that are left may brake a fast slip by impulses far greater
+// than the load, which the least work prefers. So the contacts only part if friction then opposes the slip of all others.
+//
+// If another contact approaches in the end, one more projection, with e = 0, stops that. It only takes energy, too; and
+// because it adds normal impulse, friction stays in its cones.
 //
 // The work is that on relative velocities, not the change of kinetic energy: next to a moving floor, the latter depends
 // on the observer.
@@ -105,9 +109,7 @@ struct LeastWork {
     result.error += left_out;
     if (std::none_of(loaded.begin(), loaded.end(), [&](int i) { return contacts[i].mu > LEAST_FRICTION; }))
       return result;
-    Solution solution = least_work();
-    while (let_part(solution) || take_back(solution)) solution = least_work();
-    auto& [P, after, error, gains] = solution;
+    auto [P, after, error, gains] = least_work_where_contacts_may_part();
     result.error += error;
     if (creates_energy(after, P)) {
       result.error += distance_from_before(after);
@@ -165,6 +167,31 @@ struct LeastWork {
     return found;
   }
 
+  // Contacts that friction unloads part, if friction then opposes the slip of all others.
+  Solution least_work_where_contacts_may_part() {
+    Solution all = least_work();
+    if (!let_part(all)) return all;
+    Solution found = least_work();
+    while (let_part(found) || take_back(found)) found = least_work();
+    return opposes_slip(found) ? found : all;
+  }
+  // Whether the friction of every contact does. A slip STILL times as fast as the fastest before has no direction.
+  bool opposes_slip(const Solution& found) const {
+    constexpr double ANGLE = 1e-2, STILL = 1e-3;
+    const Motion none(assembly);
+    double fastest = 0;
+    auto slip_of = [](const Motion& motion, int i) { return std::array{motion.velocity(i, 1), motion.velocity(i, 2)}; };
+    for (int i : loaded) fastest = std::fmax(fastest, std::hypot(slip_of(none, i)[0], slip_of(none, i)[1]));
+    return std::all_of(loaded.begin(), loaded.end(), [&](int i) {
+      const Axes& P = found.P[i];
+      const double friction = std::hypot(P[1], P[2]);
+      if (!(friction > 0)) return true;
+      const auto u = slip_of(found.after, i);
+      const double slip = std::hypot(u[0], u[1]),
+                   off = std::hypot(u[0] + slip * P[1] / friction, u[1] + slip * P[2] / friction);
+      return off <= ANGLE * std::fmax(slip, STILL * fastest);
+    });
+  }
   bool may_part(int i, const Solution& found) const {
     return !(found.P[i][0] > 0) && !(shared.part[i] < 1) && !is_taken_back[i];
   }
