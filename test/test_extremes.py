@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from fractions import Fraction
 
 import pytest
 
@@ -217,3 +218,13 @@ def test_a_tie_of_two_regimes_names_one_of_them(e_t, restitution):
         assert impact.regime in (Regime.STICKING, Regime.REVERSED)
         assert impact.impulse.x == pytest.approx(-(1 + e_t) / 3, rel=1e-15)
         assert impact.impulse.z == 1 + restitution
+
+
+@pytest.mark.parametrize("e", [1e-3, 1e-6, 1e-12])
+@pytest.mark.parametrize("law", [law for law in Law if law is not Law.AUTO and law is not Law.COMPLIANT])
+def test_a_twist_that_nearly_cancels_is_rounded_once_in_extended(law, e):
+    """The twist after is -e times that before. A change rounded to doubles leaves it hardly a digit."""
+    ball, contact = Body.dynamic(1.0, velocity=(0, 0, -0.1)), Contact.of((0, 0, 0), (0, 0, 1), e, 0.3)
+    answer = resolve(ball, Body.static(), contact, ImpactModel(law, precision=Precision.EXTENDED))
+    exact = Fraction(e) * Fraction(0.1)
+    assert abs(Fraction(answer.twist_a.linear.z) - exact) <= Fraction(math.ulp(float(exact)))

@@ -326,11 +326,11 @@ def test_operations_on_both_bodies_are_paired():
 # The emitter.
 
 
-def emitted(bounded=(), reported=(), flags=(), certainties=()) -> str:
+def emitted(bounded=(), reported=(), flags=(), certainties=(), **options) -> str:
     tape = Tape()
     x, y = tape.input("x"), tape.input("y")
     lists = ([tape.symbol(f(x, y)) for f in formulas] for formulas in (bounded, reported, flags, certainties))
-    return emit("f", ["x", "y"], *lists)
+    return emit("f", ["x", "y"], *lists, **options)
 
 
 def lines(code: str) -> list[str]:
@@ -341,8 +341,14 @@ def test_reported_only_values_are_computed_without_errors():
     code = lines(emitted(bounded=[lambda x, y: x + y], reported=[lambda x, y: x * y]))
     assert "const auto t0 = in[0];" in code
     assert "const auto t2 = t0 + t1;" in code
-    assert "const auto t3 = value(t0) * value(t1);" in code
+    assert "const auto t3 = report(t0) * report(t1);" in code
     assert "bounded[0] = t2;" in code
+    assert "reported[0] = t3;" in code
+
+
+def test_reported_values_may_be_rounded_last():
+    code = lines(emitted(bounded=[lambda x, y: x + y], reported=[lambda x, y: x * y], rounded_last=1))
+    assert "const auto t3 = value(t0) * value(t1);" in code
     assert "reported[0] = report(t3);" in code
 
 

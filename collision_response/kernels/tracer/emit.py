@@ -38,6 +38,7 @@ def emit(
     flags: Iterable[Symbol] = (),
     certainties: Iterable[Symbol] = (),
     *,
+    rounded_last: int = 0,
     branches: int | None = None,
 ) -> str:
     """Return the C++ function template ``name<N>(in, bounded, reported, flags)``.
@@ -48,16 +49,18 @@ def emit(
         name: the name of the function.
         inputs: the names of the inputs, in the order of ``in``.
         bounded: the results to write with their error bounds.
-        reported: the results to write without, rounded at the end.
+        reported: the results to write without.
         flags: the conditions to write, as the values decide them, whatever their errors.
         certainties: conditions to write after the flags, as true only if their errors leave no doubt.
+        rounded_last: how many reported results, from the first on, are rounded only at the end. All others are
+            computed from rounded numbers, which takes less time.
         branches: how many additions an ``if`` must save to be written. By default no ``if`` is written.
     """
     bounded, reported, flags, certainties = map(list, (bounded, reported, flags, certainties))
     tape = (bounded + reported + flags)[0].tape
     wanted = [(x.index, CppType.BOUNDED) for x in [*bounded, *certainties]]
-    wanted += [(x.index, CppType.VALUE) for x in reported]
-    wanted += [(x.index, CppType.REPORT) for x in flags]
+    wanted += [(x.index, CppType.VALUE) for x in reported[:rounded_last]]
+    wanted += [(x.index, CppType.REPORT) for x in [*reported[rounded_last:], *flags]]
     types = needed_types(tape, wanted)
     guards = {} if branches is None else compute_guards(tape, types, {index for index, _ in wanted}, branches)
     writer = _TapeWriter(tape, types, "t", {name: i for i, name in enumerate(inputs)}, None, guards)

@@ -76,9 +76,11 @@ def impact_header(law: Law, layout: Layout) -> str:
     results = tape.symbols(answer.changes), tape.symbols(answer.report), flags, [unphysical]
     is_general = layout in GENERAL
     branches = BRANCHES if is_general else BRANCHES_OF_PLAIN_NUMBERS
-    text = emit("impact", given.names, *results, branches=branches)
+    twists = len(tape.symbols(answer.report[:2]))  # next to a change of like size, they lose digits
+    text = emit("impact", given.names, *results, rounded_last=twists, branches=branches)
     if is_general:
-        text += emit("impact_in_pairs", given.names, *pair_bodies(results), branches=BRANCHES)
+        paired = pair_bodies(results)
+        text += emit("impact_in_pairs", given.names, *paired, rounded_last=twists, branches=BRANCHES)
     return text
 
 
