@@ -169,29 +169,34 @@ struct LeastWork {
 
   // Contacts that friction unloads part, if friction then opposes the slip of all others.
   Solution least_work_where_contacts_may_part() {
+    constexpr int MOST_ROUNDS = 30;  // stacks take up to ten
     Solution all = least_work();
     if (!let_part(all)) return all;
     Solution found = least_work();
-    while (let_part(found) || take_back(found)) found = least_work();
+    for (int round = 1; let_part(found) || take_back(found); ++round) {
+      if (round == MOST_ROUNDS) return all;
+      found = least_work();
+    }
     return opposes_slip(found) ? found : all;
   }
   // Whether the friction of every contact does. A slip STILL times as fast as the fastest before has no direction.
   bool opposes_slip(const Solution& found) const {
     constexpr double ANGLE = 1e-2, STILL = 1e-3;
-    const Motion none(assembly);
     double fastest = 0;
-    auto slip_of = [](const Motion& motion, int i) { return std::array{motion.velocity(i, 1), motion.velocity(i, 2)}; };
-    for (int i : loaded) fastest = std::fmax(fastest, std::hypot(slip_of(none, i)[0], slip_of(none, i)[1]));
+    for (int i : loaded) {
+      const auto& axes = assembly.contacts[i].axes;
+      fastest = std::fmax(fastest, std::hypot(axes[1].velocity, axes[2].velocity));
+    }
     return std::all_of(loaded.begin(), loaded.end(), [&](int i) {
       const Axes& P = found.P[i];
       const double friction = std::hypot(P[1], P[2]);
       if (!(friction > 0)) return true;
-      const auto u = slip_of(found.after, i);
-      const double slip = std::hypot(u[0], u[1]),
-                   off = std::hypot(u[0] + slip * P[1] / friction, u[1] + slip * P[2] / friction);
+      const double u[2] = {found.after.velocity(i, 1), found.after.velocity(i, 2)}, slip = std::hypot(u[0], u[1]);
+      const double off = std::hypot(u[0] + slip * P[1] / friction, u[1] + slip * P[2] / friction);
       return off <= ANGLE * std::fmax(slip, STILL * fastest);
     });
   }
+  // A contact that is fully loaded without friction, and not at all with it.
   bool may_part(int i, const Solution& found) const {
     return !(found.P[i][0] > 0) && !(shared.part[i] < 1) && !is_taken_back[i];
   }
