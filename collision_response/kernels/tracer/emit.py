@@ -52,8 +52,8 @@ def emit(
         reported: the results to write without.
         flags: the conditions to write, as the values decide them, whatever their errors.
         certainties: conditions to write after the flags, as true only if their errors leave no doubt.
-        rounded_last: how many reported results, from the first on, are rounded only at the end. All others are
-            computed from rounded numbers, which takes less time.
+        rounded_last: how many reported results, from the first on, are rounded only at the end. The others
+            are computed from rounded numbers, which takes less time.
         branches: how many additions an ``if`` must save to be written. By default no ``if`` is written.
     """
     bounded, reported, flags, certainties = map(list, (bounded, reported, flags, certainties))
