@@ -16,7 +16,7 @@ ClusterImpulses least_work_friction(const Assembly& assembly, const ClusterImpul
 ClusterImpulses moreau(const Assembly& assembly, bool has_friction);
 
 // ROUTH_STRONGE: stronge.cpp.
-constexpr double LEAST_SPRING_RESTITUTION = 0.05;  // as in kernels/protocol.py
+constexpr double LEAST_SPRING_RESTITUTION = 0.05;  // below, a path takes too long to end; as in kernels/protocol.py
 struct SpringOptions {
   Vector stiffness{};  // of each contact, in any unit; empty: all are equal
   double exponent = 1.5;  // eta

@@ -26,7 +26,6 @@
 
 namespace {
 
-// Below this restitution a path takes too many compressions to end.
 constexpr const char* TOO_INELASTIC = "must be at least 0.05 for ROUTH_STRONGE in a cluster";
 
 struct FollowedPath : PathAnswer {
