@@ -19,6 +19,7 @@ from batch_cases import (
     FIRST_FAULTY,
     N,
     assert_same,
+    batch_of,
     collision_at,
     columns,
     has_tiny_numbers,
@@ -28,15 +29,29 @@ from batch_cases import (
 from collisions import LAWS_WITH_ORACLE
 
 import collision_response.batch.pairs
-from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, Regime, StatusCode, resolve
+from collision_response import (
+    Adjustment,
+    Body,
+    Contact,
+    Geometry,
+    ImpactError,
+    ImpactModel,
+    Law,
+    Precision,
+    Regime,
+    StatusCode,
+    resolve,
+)
 from collision_response.batch import (
-    BatchResult,
     body_rows,
     contact_rows,
     independent_sets,
     resolve_batch,
     scatter_velocities,
 )
+from collision_response.batch.result import ENERGIES, REPORT, REPORTED_ADJUSTMENTS
+from collision_response.physics.mass_properties import rod
+from collision_response.physics.vector import Vec3
 
 KINDS = [
     (Geometry.POINT, False),
@@ -47,7 +62,6 @@ KINDS = [
 SHARED_PAIRS = np.arange(2 * N).reshape(2, N)
 """The pairs of the shared batch: columns of its body table."""
 PAIR_MODELS = [ImpactModel(), ImpactModel(tolerance=1e-14), ImpactModel(precision=Precision.EXTENDED)]
-REPORT = BatchResult._fields[BatchResult._fields.index("regime") :]
 
 body_row, contact_row = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
 
@@ -130,7 +144,7 @@ def test_float32():
     table, pairs, contacts = crowded_table()
     table, contacts = table.astype(np.float32), contacts.astype(np.float32)
     result = resolve_batch(table, contacts, pairs=pairs, report=True)
-    assert {getattr(result, name).dtype for name in REPORT[1:]} == {np.dtype(np.float32)}
+    assert {getattr(result, name).dtype for name in ENERGIES} == {np.dtype(np.float32)}
     sound = result.status < StatusCode.UNKNOWN_BODY
     assert_same(
         columns(result, sound), resolve_batch(table[:, pairs[:, sound]], contacts[:, sound], report=True)
@@ -266,11 +280,43 @@ def test_regimes_and_energies_equal_those_of_resolve(kind, law):
             )
         except ImpactError:
             refused += 1
-            assert result.regime[i] == 0
-            assert all(np.isnan(getattr(result, name)[i]) for name in REPORT[1:])
+            assert result.regime[i] == result.adjustments[i] == 0
+            assert all(np.isnan(getattr(result, name)[i]) for name in ENERGIES)
             continue
-        assert [getattr(result, name)[i] for name in REPORT] == [getattr(impact, name) for name in REPORT]
+        assert result.regime[i] == impact.regime
+        assert [getattr(result, name)[i] for name in ENERGIES] == [getattr(impact, name) for name in ENERGIES]
+        assert result.adjustments[i] == impact.adjustments & REPORTED_ADJUSTMENTS
     assert refused > 20
+
+
+@pytest.mark.parametrize("model", [{}, {"tolerance": 1e-14}, {"precision": Precision.EXTENDED}])
+def test_adjustments_are_those_of_resolve(model):
+    """MOREAU would give energy to the rod of the published case T3. A slow one is below the threshold."""
+    half_length, half_angle, inertia = 0.5, math.atan(2.0) / 2, rod(1.0, 1.0).inertia
+    bar = Body.dynamic(
+        1.0,
+        inertia,
+        (half_length * math.cos(2 * half_angle), half_length * math.sin(2 * half_angle), 0.0),
+        (0.0, 0.0, 2 * math.sin(half_angle), 2 * math.cos(half_angle)),
+        (0.5, -1.0, 0.0),
+    )
+    turning = Body.dynamic(1.0, inertia, (half_length, 0, 0), None, (0.5, -1, 0), (2, 0, 0))
+    slow = bar._replace(velocity=Vec3(0.5, -0.01, 0.0))
+    away = bar._replace(velocity=Vec3(0.5, 1.0, 0.0))
+    wrong = bar._replace(mass=-1.0)
+    floor, contact = Body.static(), Contact.of((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0.9, 0.3)
+    requests = [(body, floor, contact) for body in (bar, turning, slow, away, wrong)]
+    model = ImpactModel(Law.MOREAU, restitution_threshold=0.1, **model)
+    expected = [resolve(*request, model).adjustments & REPORTED_ADJUSTMENTS for request in requests[:-1]]
+    assert expected == [
+        Adjustment.LAW_FALLBACK,
+        Adjustment.MASSLESS_SPIN,
+        Adjustment.RESTITUTION_THRESHOLD,
+        Adjustment.NONE,
+    ]
+    found = resolve_batch(*batch_of(requests), model, report=True)
+    assert found.status[-1] == StatusCode.INVALID_MASS
+    assert found.adjustments.tolist() == [*expected, 0]
 
 
 @pytest.mark.parametrize("model", [{}, {"tolerance": 1e-14}, {"precision": Precision.EXTENDED}])

@@ -13,6 +13,7 @@ import pytest
 from scene_cases import Scene, box, random_scene, row_of_balls
 
 from collision_response import (
+    Adjustment,
     Body,
     Contact,
     Geometry,
@@ -25,10 +26,10 @@ from collision_response import (
     resolve_scene,
 )
 from collision_response.batch import ScenesResult, body_rows, contact_rows, resolve_scenes
+from collision_response.batch.result import ENERGIES, REPORTED_ADJUSTMENTS
 from collision_response.physics.vector import ZERO
 
 body_row, contact_row = body_rows(Geometry.SPATIAL, oriented=True), contact_rows(Geometry.SPATIAL)
-ENERGIES = ScenesResult._fields[-4:]
 
 
 def tables(scenes: list[Scene], *, floor: Body | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -91,6 +92,7 @@ def assert_same_as_single_scenes(scenes: list[Scene], model: ImpactModel, result
                 assert np.isnan(result.impulse[:, contacts]).all() and not result.regime[contacts].any()
                 assert all(np.isnan(result.velocity[:, b]).all() for _, b in moved)
                 assert all(np.isnan(getattr(result, name)[cluster]) for name in (*ENERGIES, "error_bound"))
+                assert result.adjustments[cluster] == 0
                 continue
             codes.append(answer.status)
             assert result.status[cluster] == answer.status
@@ -104,6 +106,7 @@ def assert_same_as_single_scenes(scenes: list[Scene], model: ImpactModel, result
             ]
             assert result.error_bound[cluster] == answer.error_bound
             assert result.decision_margin[cluster] == answer.decision_margin
+            assert result.adjustments[cluster] == answer.adjustments & REPORTED_ADJUSTMENTS
         first_body += len(scene.bodies)
         first_contact += len(scene.contacts)
     assert len(result.status) == len(codes)
@@ -133,11 +136,14 @@ RANDOM = [without_com_offset(random_scene(seed)) for seed in range(120)]
     ],
 )
 def test_random_scenes_equal_resolve_scene(model):
-    codes = assert_same_as_single_scenes(
-        RANDOM, model, resolve_scenes(*tables(RANDOM)[:2], model, pairs=tables(RANDOM)[2])
-    )
+    answer = resolved(RANDOM, model)
+    codes = assert_same_as_single_scenes(RANDOM, model, answer)
     assert len(codes) > 150
     assert {StatusCode.OK, StatusCode.SEPARATING} <= set(codes)
+    if model.restitution_threshold:
+        assert Adjustment.RESTITUTION_THRESHOLD in answer.adjustments
+    if model.law is Law.MOREAU:
+        assert Adjustment.LAW_FALLBACK in answer.adjustments
 
 
 def grazing_spheres(e: float, mu: float) -> list[Scene]:

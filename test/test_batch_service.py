@@ -19,6 +19,7 @@ from ros_graph import LATCHED, assign, ball, balls_meet, request_of, wait_until
 from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, StatusCode
 from collision_response.batch import resolve_batch
 from collision_response.batch.plan import BatchRequest
+from collision_response.batch.result import REPORTED_ADJUSTMENTS
 from collision_response.batch.rows import body_rows, contact_rows
 from collision_response.body_conversions import moment_about_z, planar_spin, with_com_as_reference
 from collision_response.msg import BodyState, CollisionResult
@@ -92,8 +93,10 @@ def test_regimes_and_energies_come_on_request(shared_node, law):
     assert response.regimes[7] == one.regime
     assert response.kinetic_energy_after[7] == one.kinetic_energy_after
     assert response.energy_lost_friction[7] == one.energy_lost_friction
+    assert response.adjustments[7] == one.adjustments & REPORTED_ADJUSTMENTS
     without = shared_node.call(packed(Request.SPATIAL, ImpactModel(law)))
     assert not (without.regimes or without.kinetic_energy_before or without.energy_lost_restitution)
+    assert not without.adjustments
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -62,6 +62,8 @@ def test_the_command_reads_tables_as_papers_print_them(tmp_path: Path, capsys):
         ("m,nz,vz,vz_after\n1,1,-1,1_0\n", "rows[0].vz_after: must be a number, is '1_0' (INVALID_TABLE)"),
         ("m,nz,vz,vz_after\n1,1,-1,\u0661\n", "rows[0].vz_after: must be a number, is '\u0661'"),
         ("m,nz,vz,vz_after,note\n1,1,-1,1," + "x" * 200_000, "line 1: field larger than field limit"),
+        ("m;nz;vz;vz_after\n1;1;-1;0,5\n", "file: must have commas between cells, has ';' (INVALID_TABLE)"),
+        ("m\tnz\tvz\tvz_after\n1\t1\t-1\t0.5\n", "file: must have commas between cells, has '\\t'"),
         ("incidence,ratio\n0,1\n", "readings of a sphere need --speed"),
     ],
 )

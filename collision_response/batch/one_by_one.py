@@ -18,7 +18,7 @@ from ..resolve import resolve
 from ..status import ImpactError, StatusCode
 from .arrays import Array
 from .plan import BatchRequest
-from .result import REPORT, BatchResult
+from .result import REPORT, REPORTED_ADJUSTMENTS, BatchResult
 from .rows import BodyRows, ContactRows
 
 
@@ -66,6 +66,8 @@ def _write_impact(out: BatchResult, i: int, impact: Impact) -> None:
     report = REPORT if out.regime is not None else ()
     for field in report:
         getattr(out, field)[i] = getattr(impact, field)
+    if report:
+        out.adjustments[i] = impact.adjustments & REPORTED_ADJUSTMENTS
     written = [*out[:3], *(getattr(out, field) for field in report)]
     if not all(np.isfinite(array[..., i]).all() for array in written):  # beyond float32
         raise library.refusal(StatusCode.OUT_OF_RANGE)

@@ -74,8 +74,8 @@ def resolve_batch(
         pairs: for each contact the columns of its body_a and its body_b, integers, shape ``(2, N)``. A pair
             that names one body twice gets the status SAME_BODY, a pair that names no column of ``bodies``
             gets UNKNOWN_BODY.
-        report: whether to report regimes and energies, too. A contact with an energy beyond float64 is then
-            OUT_OF_RANGE, as in :func:`~collision_response.resolve`.
+        report: whether to report regimes, energies and adjustments, too. A contact with an energy beyond
+            float64 is then OUT_OF_RANGE, as in :func:`~collision_response.resolve`.
         out: where to write the results: an earlier result, or a BatchResult of arrays of the same shapes and
             types. They must not overlap the input, each other or themselves. Arrays for a report are written
             if they are there.

@@ -40,7 +40,7 @@ from .one_by_one import body_of, contact_of
 from .pairs import IS_ANSWER, as_pairs
 from .plan import BatchRequest
 from .resolve_batch import resolve_batch, run_in_parts
-from .result import ENERGIES, UINT8
+from .result import ENERGIES, REPORTED_ADJUSTMENTS, UINT8
 
 CLUSTERS_PER_WORKER = 64
 """With fewer clusters, another worker takes longer to start than it saves."""
@@ -67,6 +67,9 @@ class ScenesResult(NamedTuple):
         kinetic_energy_before, kinetic_energy_after: of the movable bodies of each cluster [J], shape
             ``(C,)``.
         energy_lost_restitution, energy_lost_friction: in each cluster [J], shape ``(C,)``.
+        adjustments: how the impact of each cluster differs from the request, an
+            :class:`~collision_response.Adjustment`, uint8, shape ``(C,)``; 0 where there is no answer. Tables
+            take quaternions of any length, so NORMALISED_ORIENTATION is not among them.
     """
 
     velocity: Array
@@ -81,6 +84,7 @@ class ScenesResult(NamedTuple):
     kinetic_energy_after: Array
     energy_lost_restitution: Array
     energy_lost_friction: Array
+    adjustments: Array
 
 
 class Clusters(NamedTuple):
@@ -156,13 +160,11 @@ def _find_clusters(bodies: Array, pairs: Array) -> tuple[Clusters, Array]:
 def _initial_result(request: BatchRequest, cluster_of: Array, clusters: int) -> ScenesResult:
     """Return a result in which no cluster is resolved yet."""
     rows, n = request.plan.layout.bodies, cluster_of.size
-    velocity, angular_velocity = (
-        request.bodies[rows.velocity].copy(),
-        request.bodies[rows.angular_velocity].copy(),
-    )
+    velocity, angular_velocity = (request.bodies[i].copy() for i in (rows.velocity, rows.angular_velocity))
     impulse, regime = np.full((len(velocity), n), np.nan), np.zeros(n, UINT8)
-    status, numbers = np.zeros(clusters, UINT8), np.full((6, clusters), np.nan)
-    return ScenesResult(velocity, angular_velocity, impulse, regime, cluster_of, status, *numbers)
+    status, adjustments = np.zeros((2, clusters), UINT8)
+    of_clusters = status, *np.full((6, clusters), np.nan), adjustments
+    return ScenesResult._make((velocity, angular_velocity, impulse, regime, cluster_of, *of_clusters))
 
 
 def _resolve_single_contacts(
@@ -180,7 +182,7 @@ def _resolve_single_contacts(
     result.impulse[:, contacts], result.regime[contacts] = found.impulse, found.regime
     result.status[clusters], result.error_bound[clusters] = found.status, found.error_bound
     result.decision_margin[clusters[IS_ANSWER[found.status]]] = np.inf
-    for field in ENERGIES:
+    for field in (*ENERGIES, "adjustments"):
         getattr(result, field)[clusters] = getattr(found, field)
     has_bodies = ~np.isin(found.status, (StatusCode.SAME_BODY, StatusCode.UNKNOWN_BODY))
     for side, column in enumerate(own_pairs[:, has_bodies]):
@@ -261,3 +263,4 @@ def _resolve_in_python(
     result.regime[contacts] = answer.regimes
     for field in ("status", "error_bound", "decision_margin", *ENERGIES):
         getattr(result, field)[cluster] = getattr(answer, field)
+    result.adjustments[cluster] = answer.adjustments & REPORTED_ADJUSTMENTS

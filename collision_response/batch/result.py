@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..model import ImpactModel, Precision
+from ..model import Adjustment, ImpactModel, Precision
 from .arrays import compared_by_identity
 from .rows import BodyRows
 
@@ -30,11 +30,14 @@ class BatchResult(NamedTuple):
         precision: the :class:`~collision_response.Precision` used for each contact, uint8, shape ``(N,)``;
             ``None`` without error bounds.
         regime: what friction did at each contact, a :class:`~collision_response.Regime`, uint8, shape
-            ``(N,)``; 0 where there is no answer. ``None`` without a report, like the energies.
+            ``(N,)``; 0 where there is no answer. ``None`` without a report, like all that follow.
         kinetic_energy_before, kinetic_energy_after: of the movable bodies of each contact [J], shape
             ``(N,)``.
         energy_lost_restitution, energy_lost_friction: energy lost at each contact to the normal and to the
             tangential impulse [J], shape ``(N,)``.
+        adjustments: how the impact of each contact differs from the request, an
+            :class:`~collision_response.Adjustment`, uint8, shape ``(N,)``; 0 where there is no answer. Tables
+            take quaternions of any length, so NORMALISED_ORIENTATION is not among them.
     """
 
     velocity: Any
@@ -48,6 +51,7 @@ class BatchResult(NamedTuple):
     kinetic_energy_after: Any = None
     energy_lost_restitution: Any = None
     energy_lost_friction: Any = None
+    adjustments: Any = None
 
     def mapped(self, function: Callable[[Any], Any]) -> BatchResult:
         """Return the result with ``function`` applied to each array that is there."""
@@ -55,9 +59,12 @@ class BatchResult(NamedTuple):
 
 
 REPORT = BatchResult._fields[BatchResult._fields.index("regime") :]
-"""The fields that are there only with a report: the regime and the energies."""
+"""The fields that are there only with a report: the regime, the energies and the adjustments."""
 
-ENERGIES = REPORT[1:]
+ENERGIES = REPORT[1:-1]
+
+REPORTED_ADJUSTMENTS = ~Adjustment.NORMALISED_ORIENTATION
+"""Tables take quaternions of any length."""
 
 
 def is_bounded(model: ImpactModel) -> bool:
@@ -74,11 +81,11 @@ def result_fields(
         rows: the rows of the table of bodies.
         n: the number of contacts.
         bounded: whether there are error bounds.
-        report: whether there are regimes and energies.
+        report: whether there are the fields of a report.
         real: the type of numbers.
     """
     numbers, codes = ((n,), real), ((n,), UINT8)
     linear, angular = (each.stop - each.start for each in (rows.velocity, rows.angular_velocity))
     motion = ((linear, 2, n), real), ((angular, 2, n), real), ((linear, n), real), codes
     bounds = (numbers, codes) if bounded else (None, None)
-    return BatchResult(*motion, *bounds, *((codes, *[numbers] * 4) if report else ()))
+    return BatchResult(*motion, *bounds, *((codes, *[numbers] * 4, codes) if report else ()))

@@ -47,9 +47,9 @@ def read_rows(path: Path, more: Mapping[str, str]) -> tuple[list[dict[str, float
     columns to set in every row: by name, a number, or the name of a column of the file that has the values.
 
     Raises:
-        ImpactError: INVALID_TABLE if the file is not text, a cell is not a number or is too long, a needed
-            column appears twice, a row has more or fewer cells than there are columns, there are no rows, or
-            ``more`` has an unknown column.
+        ImpactError: INVALID_TABLE if the file is not text, cells are not separated by commas, a cell is not a
+            number or is too long, a needed column appears twice, a row has more or fewer cells than there are
+            columns, there are no rows, or ``more`` has an unknown column.
     """
     for name in more:
         if name not in KNOWN:
@@ -75,6 +75,10 @@ def _cells(path: Path, needed: set[str]) -> tuple[list[dict[str, str]], list[str
             raise ImpactError(StatusCode.INVALID_TABLE, "file", f"must be text in UTF-8: {error}") from None
         except csv.Error as error:
             raise ImpactError(StatusCode.INVALID_TABLE, f"line {reader.line_num}", str(error)) from None
+    for separator in (";", "\t"):
+        if len(names) == 1 and separator in names[0]:
+            reason = f"must have commas between cells, has {separator!r}"
+            raise ImpactError(StatusCode.INVALID_TABLE, "file", reason)
     for i, row in enumerate(rows):
         beyond = row.pop(None, [])
         count = sum(cell is not None for cell in row.values())

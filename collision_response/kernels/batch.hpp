@@ -15,7 +15,7 @@ struct Batch {
   const void* row[ROWS];  // inputs, in the order of the layout
   bool is_shared[ROWS];  // whether a row is one number for all impacts
   void* result[RESULTS];
-  unsigned char *status, *regime;
+  unsigned char *status, *regime, *adjustments;  // adjustments are wanted if regimes are
 };
 using BatchKernel = void (*)(const Batch& batch, long from, long to);
 
@@ -39,6 +39,10 @@ template <class T> INLINE void store_codes(unsigned char* to, T codes) {
     if constexpr (is_scalar<T>) *to = static_cast<unsigned char>(codes);
     else to[lane] = static_cast<unsigned char>(codes[lane]);
   }
+}
+
+template <class T> INLINE T adjustment(Mask<T> is_made, int code) {
+  return choose<T>(is_made, broadcast<T>(code), T{});
 }
 
 // The code of what is wrong with each impact, 0 if nothing is. Most pass the quick check, clearly_valid.
@@ -124,6 +128,10 @@ static __attribute__((noinline)) void compute_lanes(const Batch& batch, long at)
     UNROLLED for (int k = 0; k < ENERGIES; ++k)
       store<T>(batch.result[Batch::ENERGY + k], at, choose<T>(answered, reported[OUT_KINETIC_ENERGY_BEFORE + k], nan));
     store_codes<T>(batch.regime + at, choose<T>(answered, reported[OUT_REGIME], T{}));
+    T adjustments = adjustment<T>(flags[FLAG_BELOW_THRESHOLD], ADJUSTMENT_RESTITUTION_THRESHOLD) +
+                    adjustment<T>(flags[FLAG_FELL_BACK], ADJUSTMENT_LAW_FALLBACK) +
+                    adjustment<T>(flags[FLAG_MASSLESS_SPIN], ADJUSTMENT_MASSLESS_SPIN);
+    store_codes<T>(batch.adjustments + at, choose<T>(answered, adjustments, T{}));
   }
 }
 
@@ -145,7 +153,7 @@ INLINE void compute_columns(const Batch& batch, long from, long to) {
   }
   constexpr int count = LayoutInputs<layout>::count;
   Lane<T> inputs[count][width], results[Batch::RESULTS][width];
-  unsigned char status[width], regime[width];
+  unsigned char status[width], regime[width], adjustments[width];
   Batch padded = batch;
   for (int i = 0; i < count; ++i) {
     for (long k = 0; k < width; ++k) {
@@ -157,13 +165,13 @@ INLINE void compute_columns(const Batch& batch, long from, long to) {
   }
   for (int i = 0; i < Batch::RESULTS; ++i) padded.result[i] = batch.result[i] ? results[i] : nullptr;
   padded.status = status;
-  if (padded.regime) padded.regime = regime;
+  if (padded.regime) padded.regime = regime, padded.adjustments = adjustments;
   compute_lanes<N, layout, impact, validity, clearly_valid>(padded, 0);
   for (int i = 0; i < Batch::RESULTS; ++i)
     for (long k = 0; batch.result[i] && k < to - from; ++k)
       static_cast<Lane<T>*>(batch.result[i])[from + k] = results[i][k];
   for (long k = 0; k < to - from; ++k) {
     batch.status[from + k] = status[k];
-    if (batch.regime) batch.regime[from + k] = regime[k];
+    if (batch.regime) batch.regime[from + k] = regime[k], batch.adjustments[from + k] = adjustments[k];
   }
 }

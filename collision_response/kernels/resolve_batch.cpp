@@ -19,7 +19,8 @@ enum {
   PRECISION,
   REGIME,
   ENERGY,
-  FIELDS = ENERGY + ENERGIES
+  ADJUSTMENTS = ENERGY + ENERGIES,
+  FIELDS
 };
 
 // The batch from a column on. Its bodies have been gathered, so their rows stay.
@@ -30,7 +31,7 @@ Batch from_column(const Batch& batch, int body_rows, long at, int size) {
   for (void*& result : moved.result)
     if (result) result = static_cast<char*>(result) + at * size;
   moved.status += at;
-  if (moved.regime) moved.regime += at;
+  if (moved.regime) moved.regime += at, moved.adjustments += at;
   return moved;
 }
 
@@ -88,7 +89,7 @@ struct BatchArrays {
                  (!bounded || (result[ERROR_BOUND].has(real, {n}) && result[PRECISION].has('B', {n}))) &&
                  (!report || result[REGIME].has('B', {n}));
     for (int i = ENERGY; i < FIELDS; ++i)
-      valid = valid && result[i].is_open() == report && (!report || result[i].has(real, {n}));
+      valid = valid && result[i].is_open() == report && (!report || result[i].has(i == ADJUSTMENTS ? 'B' : real, {n}));
     if (pairs.is_open())
       valid = valid && pairs.has_int64() && pairs.view.ndim == 2 && pairs.view.shape[0] == 2 &&
               pairs.view.shape[1] == n && bodies.view.ndim == 2;
@@ -155,6 +156,7 @@ struct BatchArrays {
     batch.result[Batch::ERROR_BOUND] = result[ERROR_BOUND].view.buf;
     batch.status = result[STATUS].at<unsigned char>();
     batch.regime = result[REGIME].at<unsigned char>();
+    batch.adjustments = result[ADJUSTMENTS].at<unsigned char>();
     for (int i = 0; i < ENERGIES; ++i) batch.result[Batch::ENERGY + i] = result[ENERGY + i].view.buf;
     return batch;
   }

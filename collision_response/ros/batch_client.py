@@ -52,7 +52,7 @@ def pack(
         model: fields that are 0, including the law AUTO, have the values of the node's parameters.
         names: names of bodies of which the node uses the latest received states.
         frame_id: the inertial frame of all bodies and contacts.
-        report: whether to ask for regimes and energies.
+        report: whether to ask for regimes, energies and adjustments.
 
     Raises:
         ImpactError: if the model is invalid.

@@ -6,7 +6,19 @@
 // The tables, and the arrays for the results. Each quantity is a row of a table, each body or contact a column.
 struct TableClusters {
   // The fields of a ScenesResult.
-  enum { VELOCITY, SPIN, IMPULSE, REGIME, CLUSTER, STATUS, ERROR_BOUND, MARGIN, ENERGIES, RESULTS = ENERGIES + 4 };
+  enum {
+    VELOCITY,
+    SPIN,
+    IMPULSE,
+    REGIME,
+    CLUSTER,
+    STATUS,
+    ERROR_BOUND,
+    MARGIN,
+    ENERGIES,
+    ADJUSTMENTS = ENERGIES + 4,
+    RESULTS
+  };
 
   const TableLayout& table;
   ClusterOptions options;
@@ -58,6 +70,7 @@ struct TableClusters {
     at(ERROR_BOUND, number) = effect.error_bound;
     at(MARGIN, number) = result.margin;
     for (int i = 0; i < 4; ++i) at(ENERGIES + i, number) = effect.energies[i];
+    *results[ADJUSTMENTS].at<Code>(number) = adjustments_of(cluster, result) & ~ADJUSTMENT_NORMALISED_ORIENTATION;
     if (!(effect.error_bound <= limit)) status = STATUS_TOLERANCE_NOT_MET;
     else if (effect.is_separating()) status = STATUS_SEPARATING;
   }
