@@ -232,8 +232,8 @@ class Cones {
     }
   }
 
-  // Of a contact without a load: how much less work impulses would do if it separated faster, by how much.
-  double gain_by_parting(size_t i) const { return std::fmax(-high(x[6 * body_count + i]), 0); }
+  // The impulse that pulls a contact so that it does not separate faster than its velocity is kept, or 0.
+  double pull(size_t i) const { return std::fmax(-high(x[6 * body_count + i]), 0); }
 
   // y = B^T P
   Vector motion() const {

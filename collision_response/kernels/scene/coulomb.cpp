@@ -10,14 +10,15 @@
 // This is a convex programme. The impulses of GRR are admissible in it, so energy cannot grow. It is strictly convex in
 // the velocities, so these are unique, and as symmetric as the scene.
 //
-// Friction may leave a contact without a load, as the upper edge of a box that topples. Its velocity need not be kept
-// then: the contact is left out, the least work found again, which is less, and so on. A contact that would not separate
-// faster than before is taken back. In the plane, and where contacts stick, this is Coulomb's law with the normal
-// velocities of GRR. In space it may not be: the few contacts that are left may brake a fast slip by impulses far greater
-// than the load, which the least work prefers. So the contacts only part if friction then opposes the slip of all others.
+// Mostly, friction then opposes the slip. But not where it unloads a contact, as the upper edge of a box that topples, and
+// the velocity of this one need not be kept; where it presses another, such as a wall beside a ball that turns; or where
+// what keeps the velocities turns friction aside, as in a corner. There, the impulses are those of Coulomb's conditions
+// for rebounds with the normal velocities of GRR (coulomb_conditions.cpp), if these have one solution, and it does not
+// create energy. If there are several, as where four corners share the load of a box that slides and turns, they are the
+// ones of least work after all.
 //
-// If another contact approaches in the end, one more projection, with e = 0, stops that. It only takes energy, too; and
-// because it adds normal impulse, friction stays in its cones.
+// If another contact then approaches in the end, one more projection, with e = 0, stops that. It only takes energy, too;
+// and because it adds normal impulse, friction stays in its cones.
 //
 // The work is that on relative velocities, not the change of kinetic energy: next to a moving floor, the latter depends
 // on the observer.
@@ -28,8 +29,8 @@
 // differences decide them. Both change gradually, so that no choice of contacts has to be made, which would depend on
 // their order.
 //
-// For one contact this is Chatterjee & Ruina's law in each of three cases: in the plane; where the contact sticks; and
-// where normal and slip are uncoupled. In space, sliding, this one takes more energy: docs/scenes.md has figures.
+// For one contact, least work is Chatterjee & Ruina's law in each of three cases: in the plane; where the contact sticks;
+// and where normal and slip are uncoupled. In space, sliding, it takes more energy: docs/scenes.md has figures.
 //
 // Impulses and velocities are along the axes of each contact: the unit normal and two tangents. Doubles solve the
 // programme; where their bound on the error is too large, double-double solves it again.
@@ -37,8 +38,11 @@
 // Sources: Kaufman, Sueda, James & Pai, "Staggered Projections for Frictional Contact in Multibody Systems", ACM Trans.
 // Graph. 27 (2008), for maximal dissipation over actual cones; Smith et al. 2012 (see scene/reflections.py), for
 // friction after reflections.
+#include <optional>
+
 #include "cones.hpp"
 #include "contact_cones.hpp"
+#include "coulomb_conditions.hpp"
 #include "laws.hpp"
 #include "motion.hpp"
 #include "projection.hpp"
@@ -76,6 +80,10 @@ Vector sticking_multipliers(const Assembly& assembly, const std::vector<int>& lo
   return multipliers;
 }
 
+// The least velocity at which a contact is pressed, or parts, and the least impulse that keeps it from parting. Errors of
+// the normals of a box, up to 1e-4, let its fourth corner part as slowly as that.
+constexpr double LEAST_CHANGE = 1e-3, LEAST_PULL = 1e-8;
+
 // The programme of least work for the contacts that are loaded. Its velocities are in units of `speed`.
 struct LeastWork {
   const Assembly& assembly;
@@ -83,8 +91,7 @@ struct LeastWork {
   const double tolerance;
   const SharedLoads shared = share_loads(assembly, frictionless.normal);
   const double speed = shared.greatest;
-  std::vector<int> loaded{}, parting{};  // parting: loaded without friction, but not with it
-  std::vector<bool> is_taken_back = std::vector<bool>(assembly.count);
+  std::vector<int> loaded{};
   double mean = 0;  // of n.K n, for unit normals
   std::vector<Axes> normal_only = std::vector<Axes>(assembly.count);
   Motion before{assembly};  // friction
@@ -103,13 +110,17 @@ struct LeastWork {
   }
 
   // The impulses with friction, if that takes energy: else rounding is all that it does.
-  ClusterImpulses resolve() {
+  ClusterImpulses resolve() const {
     const std::vector<AssembledContact>& contacts = assembly.contacts;
     ClusterImpulses result = frictionless;
     result.error += left_out;
     if (std::none_of(loaded.begin(), loaded.end(), [&](int i) { return contacts[i].mu > LEAST_FRICTION; }))
       return result;
-    auto [P, after, error, unused] = least_work_where_contacts_may_part();
+    Solution found = least_work();
+    const bool presses = presses_others(found);
+    if (presses || found.pull > LEAST_PULL * speed)
+      if (std::optional<Solution> obedient = by_coulombs_conditions(presses)) found = *std::move(obedient);
+    auto& [P, after, error, unused] = found;
     result.error += error;
     if (creates_energy(after, P)) {
       result.error += distance_from_before(after);
@@ -151,86 +162,65 @@ struct LeastWork {
     std::vector<Axes> P;
     Motion after;
     double error;
-    Vector gains;  // by parting
+    double pull;  // the greatest impulse that keeps the velocity of a contact without a load
   };
   // The impulses of least work of the contacts that are loaded.
   Solution least_work() const {
     Cones<double> programme = as_cones();
     const double error = solve(programme) * speed;
-    Solution found{std::vector<Axes>(assembly.count), Motion(assembly), error, Vector(assembly.count)};
+    Solution found{std::vector<Axes>(assembly.count), Motion(assembly), error, 0};
     for (size_t k = 0; k < loaded.size(); ++k) {
       const int i = loaded[k];
       found.P[i] = in_newton_seconds(programme.P[k], assembly.contacts[i], speed);
       found.after.apply(i, found.P[i]);
-      found.gains[i] = programme.gain_by_parting(k);
+      if (!(found.P[i][0] > 0)) found.pull = std::fmax(found.pull, programme.pull(k) * speed);
     }
     return found;
   }
 
-  // Contacts that friction unloads part, if friction then opposes the slip of all others.
-  Solution least_work_where_contacts_may_part() {
-    constexpr int MOST_ROUNDS = 30;  // a budget: each is a programme
-    Solution all = least_work();
-    if (!let_part(all)) return all;
-    Solution found = least_work();
-    for (int round = 1; let_part(found) || take_back(found); ++round) {
-      if (round == MOST_ROUNDS) return all;
-      found = least_work();
-    }
-    return opposes_slip(found) ? found : all;
+  // Whether friction presses contacts that are not loaded without it.
+  bool presses_others(const Solution& found) const {
+    for (int i = 0; i < assembly.count; ++i)
+      if (!(shared.part[i] > 0) && -found.after.velocity(i, 0) * assembly.contacts[i].unit() > LEAST_CHANGE * speed)
+        return true;
+    return false;
   }
-  // Whether the friction of every contact does, up to ANGLE, on which answers hardly depend: stacks are as well answered
-  // with any from 1e-3 to 0.3. A slip STILL times as fast as the fastest before has no direction.
-  bool opposes_slip(const Solution& found) const {
-    constexpr double ANGLE = 1e-2, STILL = 1e-3;
-    double fastest = 0;
-    for (int i : loaded) {
-      const auto& axes = assembly.contacts[i].axes;
-      fastest = std::fmax(fastest, std::hypot(axes[1].velocity, axes[2].velocity));
+
+  // The impulses that obey Coulomb's conditions, if these are the only ones, and friction presses contacts or lets some
+  // part.
+  std::optional<Solution> by_coulombs_conditions(bool presses) const {
+    constexpr double BUDGET = 1e8;  // multiplications: a tenth of a second
+    constexpr double COARSEST = 1e-5;  // error bound
+    Vector rebounds(assembly.count);
+    for (int i : loaded) rebounds[i] = before.velocity(i, 0);
+    const ClusterImpulses impulses = obey_coulomb(assembly, rebounds, BUDGET);
+    if (!impulses.are_found) return {};
+    Solution found{{}, Motion(assembly), impulses.error, 0};
+    for (int i = 0; i < assembly.count; ++i) {
+      const double normal = impulses.normal[i].h * assembly.contacts[i].length;
+      found.P.push_back({normal, impulses.tangential[2 * i], impulses.tangential[2 * i + 1]});
+      found.after.apply(i, found.P[i]);
     }
-    return std::all_of(loaded.begin(), loaded.end(), [&](int i) {
-      const Axes& P = found.P[i];
-      const double friction = std::hypot(P[1], P[2]);
-      if (!(friction > 0)) return true;
-      const double u[2] = {found.after.velocity(i, 1), found.after.velocity(i, 2)}, slip = std::hypot(u[0], u[1]);
-      const double off = std::hypot(u[0] + slip * P[1] / friction, u[1] + slip * P[2] / friction);
-      return off <= ANGLE * std::fmax(slip, STILL * fastest);
+    const bool do_part = std::any_of(loaded.begin(), loaded.end(), [&](int i) {
+      const double faster = found.after.velocity(i, 0) - before.velocity(i, 0);
+      return faster * assembly.contacts[i].unit() > LEAST_CHANGE * speed;
     });
+    const bool is_exact = found.error <= error_for_bound(assembly, found.after.y, COARSEST);
+    if (!(do_part || presses) || !is_exact || creates_energy(found.after, found.P)) return {};
+    return presses ? found : as_least_work(found);
   }
-  // A contact that is fully loaded without friction, and not at all with it.
-  bool may_part(int i, const Solution& found) const {
-    return !(found.P[i][0] > 0) && !(shared.part[i] < 1) && !is_taken_back[i];
-  }
-  // Let contacts part that friction unloads, those first that gain most by it: others may then have a load again. Returns
-  // whether there are any. Where bodies are held from two sides, all contacts stay: one that parts would press another.
-  bool let_part(const Solution& found) {
-    if (assembly.is_locked) return false;
-    double most = 0;
+
+  // The impulses of least work of the contacts that are loaded in a solution, if they are the same but for its error: theirs
+  // is a bound, and may be made as small as wanted.
+  Solution as_least_work(const Solution& solution) const {
+    LeastWork of_rest = *this;
+    of_rest.loaded.clear();
     for (int i : loaded)
-      if (may_part(i, found)) most = std::fmax(most, found.gains[i]);
-    std::vector<int> still_loaded, now_parting;
-    for (int i : loaded) {
-      const bool does_part = may_part(i, found) && found.gains[i] >= most / 2;
-      (does_part ? now_parting : still_loaded).push_back(i);
-    }
-    if (still_loaded.empty() || now_parting.empty()) return false;
-    loaded = std::move(still_loaded);
-    parting.insert(parting.end(), now_parting.begin(), now_parting.end());
-    return true;
-  }
-  // Take back contacts that do not separate faster than without friction. They part no more. Returns whether there are any.
-  bool take_back(const Solution& found) {
-    constexpr double FASTER = 1e-9;  // below the error of most answers
-    std::vector<int> still_parting;
-    for (int i : parting) {
-      const double u = found.after.velocity(i, 0) - before.velocity(i, 0);
-      is_taken_back[i] = u * assembly.contacts[i].unit() < FASTER * speed;
-      (is_taken_back[i] ? loaded : still_parting).push_back(i);
-    }
-    if (still_parting.size() == parting.size()) return false;
-    std::sort(loaded.begin(), loaded.end());
-    parting = std::move(still_parting);
-    return true;
+      if (solution.P[i][0] > 0) of_rest.loaded.push_back(i);
+    const Solution found = of_rest.least_work();
+    Motion off = found.after;
+    increase(off.y, -1, solution.after.y);
+    return norm_of(off.y) <= solution.error ? found : solution;
   }
 
   // Solve the programme in doubles, and in double-double if they are not enough. Returns a bound on the error of y.
