@@ -414,6 +414,22 @@ def test_stronge_errors_are_within_the_bound(seed):
     assert distance(scene, one, other) <= one.error_bound + other.error_bound
 
 
+def test_errors_are_in_the_bound_where_a_slip_starts_as_others_stop():
+    """A rod in a groove: its load moves from two contacts to another one. The order does not matter."""
+    moment = 25 / 12
+    rod = Body.dynamic(1.0, (0.0, 0.0, 0.0, moment, 0.0, moment), velocity=(0.0, 0.0, -5.0))
+    places = (-0.625, 0.0, -3.125), (-3.125, 0.0, -1.875), (2.5, -2.5, -1.875), (2.5, 2.5, -1.875)
+    normals = [(3.0, 0.0, 4.0)] * 2 + [(-4.0, 0.0, 3.0)] * 2
+    contacts = [Contact.of(*given, 1.0, 1.0) for given in zip(places, normals, strict=True)]
+    scene = Scene([rod, Body.static()], [(0, 1)] * 4, contacts)
+    fine = scene.resolve(Law.ROUTH_STRONGE, tolerance=1e-7)
+    assert fine.status is StatusCode.OK
+    for order in itertools.permutations(contacts):
+        answer = scene._replace(contacts=list(order)).resolve(Law.ROUTH_STRONGE)
+        assert answer.error_bound <= 1e-5
+        assert distance(scene, answer, fine) <= answer.error_bound + fine.error_bound
+
+
 @pytest.mark.parametrize("mu", [0.0, 0.1, 3.0])
 def test_stronge_keeps_the_symmetry_of_a_rack(mu):
     """Thirty contacts of fifteen balls, struck head-on."""

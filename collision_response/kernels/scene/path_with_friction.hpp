@@ -169,24 +169,25 @@ struct PathWithFriction : ContactSprings {
   }
 
   // Where a slip reverses within a step, or where friction stops a slip that it cannot hold, friction has the wrong
-  // direction for a part of a stage, in the whole step and in its halves alike: comparing them may not notice it. Slips
-  // of twice `enough` may be what sweeps leave of none.
+  // direction for a part of a stage, in the whole step and in its halves alike: comparing them may not notice it. So it
+  // is where a slip stops and another one starts, because the load of the first one moves to the other. Slips of twice
+  // `enough` may be what sweeps leave of none.
   struct Reversal {
     double error, fraction;  // of slips, at most; of the step, after which the first of them has nearly stopped
   };
   Reversal first_reversal() {
     Reversal first{0, 1};
     std::vector<int> stopped;
-    for (int i : frictional) {
-      if (!(slip(now, i) > 2 * enough)) continue;
-      if (slip(both, i) <= 2 * enough) stopped.push_back(i);
+    bool starts = false;
+    for (int i : frictional)
+      if (!(slip(now, i) > 2 * enough)) starts = starts || slip(both, i) > 4 * enough;
+      else if (slip(both, i) <= 2 * enough) stopped.push_back(i);
       else if (product_of_slips(now, both, i) < 0) add_reversal(i, first);
-    }
     if (stopped.empty()) return first;
     State later = both;
-    if (!apply_friction(later, h / 16, enough)) return first;
+    if (!starts && !apply_friction(later, h / 16, enough)) return first;
     for (int i : stopped)
-      if (slip(later, i) > 4 * enough) add_reversal(i, first);
+      if (starts || slip(later, i) > 4 * enough) add_reversal(i, first);
     return first;
   }
   void add_reversal(int i, Reversal& first) const {
