@@ -430,6 +430,23 @@ def test_errors_are_in_the_bound_where_a_slip_starts_as_others_stop():
         assert distance(scene, answer, fine) <= answer.error_bound + fine.error_bound
 
 
+@pytest.mark.parametrize("e", [0.05, 0.25])
+@pytest.mark.parametrize(("mu", "copies"), [(0.5, 1), (2.0, 3)])
+def test_rounding_does_not_add_up_over_the_steps_of_a_path(e, mu, copies):
+    """A point between two walls, on a third one, comes to rest. The path takes some 40,000 steps."""
+    given = [
+        (Contact.of((0.0, 0.0, 0.0), (3.0, 0.0, 4.0), e, mu), 1),
+        (Contact.of((0.0, 0.0, 0.0), (-3.0, 0.0, 4.0), e, 3.0), copies),
+        (Contact.of((0.0, 0.0, 0.0), (3.0, 0.0, -4.0), e, mu), 1),
+    ]
+    contacts = [contact for contact, times in given for _ in range(times)]
+    point = Body.dynamic(1.0, velocity=(0.0, 0.0, -2.5))
+    scene = Scene([point, Body.static()], [(0, 1)] * len(contacts), contacts)
+    answer = scene.resolve(Law.ROUTH_STRONGE, tolerance=1e-12)
+    assert answer.status is StatusCode.OK
+    assert answer.twists[0].linear.norm() <= 2.5 * answer.error_bound
+
+
 @pytest.mark.parametrize("mu", [0.0, 0.1, 3.0])
 def test_stronge_keeps_the_symmetry_of_a_rack(mu):
     """Thirty contacts of fifteen balls, struck head-on."""

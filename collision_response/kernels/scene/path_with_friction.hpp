@@ -206,13 +206,13 @@ struct PathWithFriction : ContactSprings {
     auto extrapolated = [](double fine, double coarse) { return fine + (fine - coarse) / 3; };
     friction_loss +=
         extrapolated(work_of_friction(now, half) + work_of_friction(half, both), work_of_friction(now, whole));
-    for (size_t k = 0; k < both.motion.y.size(); ++k)
-      now.motion.y[k] = extrapolated(both.motion.y[k], whole.motion.y[k]);
+    std::fill(now.motion.y.begin(), now.motion.y.end(), 0);  // anew, so that the rounding of the steps does not add up
     for (int i = 0; i < count; ++i) {
       now.x[i] = std::fmax(extrapolated(both.x[i], whole.x[i]), 0);
-      now.u[i] = now.motion.velocity(i, 0);
       for (int k = 0; k < 3; ++k) now.P[i][k] = extrapolated(both.P[i][k], whole.P[i][k]);
+      now.motion.apply(i, now.P[i]);
     }
+    for (int i = 0; i < count; ++i) now.u[i] = now.motion.velocity(i, 0);
     now.friction = both.friction;
   }
   // The energy that friction takes between two states, by the mean of their slips.
