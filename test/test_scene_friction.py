@@ -542,6 +542,44 @@ def test_a_ball_wedged_in_a_groove_is_refused_quickly(inertia, opening, off, mon
                 scene.resolve(Law.ROUTH_STRONGE)
 
 
+def held_rod(seed: int, count: int, mu: float) -> Scene:
+    """A rod that strikes walls in some of its points."""
+    rng = random.Random(seed)
+    rod = Body.dynamic(
+        1.0, (0.0, 0.0, 0.0, 1 / 12, 0.0, 1 / 12), velocity=(0.0, 0.0, -1.0), angular_velocity=(0.0, 0.5, 0.5)
+    )
+    contacts = [
+        Contact.of((rng.uniform(-0.5, 0.5), 0.0, 0.0), (rng.uniform(-1, 1), rng.uniform(-1, 1), 1.0), 0.5, mu)
+        for _ in range(count)
+    ]
+    return Scene([rod, Body.static()], [(0, 1)] * count, contacts)
+
+
+@pytest.mark.parametrize(
+    ("mu", "seed", "count"), [(30.0, 11, 2), (300.0, 11, 2), (30.0, 3, 3), (300.0, 3, 3), (300.0, 20, 3)]
+)
+def test_friction_that_holds_a_body_in_several_ways_is_found_quickly(mu, seed, count, monkeypatch):
+    """Contact by contact, it takes up to a million turns. The budget is a twentieth of the usual one."""
+    monkeypatch.setattr(protocol, "SPRING_WORK", protocol.SPRING_WORK // 20)
+    scene = held_rod(seed, count, mu)
+    if seed == 3:
+        with refused(StatusCode.PATH_TOO_LONG, match="friction wedges the bodies"):
+            scene.resolve(Law.ROUTH_STRONGE)
+    else:
+        assert scene.resolve(Law.ROUTH_STRONGE).error_bound <= 1e-5
+
+
+@pytest.mark.parametrize("mu", [100.0, 300.0, 400.0])
+def test_wedged_bodies_do_not_creep_out(mu):
+    """Friction that is nearly found would let them."""
+    with refused(StatusCode.PATH_TOO_LONG, match="friction wedges the bodies"):
+        held_rod(11, 3, mu).resolve(Law.ROUTH_STRONGE)
+
+
+def test_a_body_that_only_a_coarse_path_stops_is_not_wedged():
+    assert held_rod(20, 2, 3.0).resolve(Law.ROUTH_STRONGE).error_bound <= 1e-5
+
+
 def test_an_exhausted_budget_has_a_status(monkeypatch):
     """Or gives the answer found within it, if its error is known."""
     scene = box((1, 0.3, -1), (0.2, 0.3, 1), e=0.5, mu=0.3)

@@ -6,48 +6,19 @@
 // and extrapolates to order 3.
 #pragma once
 #include "contact_springs.hpp"
-
-// The change of the slip of a contact by tangential impulses on it: a symmetric matrix.
-struct SlipMatrix {
-  double c11, c12, c22;
-
-  double trace() const { return c11 + c22; }
-  // The change from the friction impulse `now` to one of size at most `most` that opposes the slip, or nearly does.
-  // v1, v2: the slip now.
-  Axes change(const Axes& now, double most, double v1, double v2) const {
-    const double det = c11 * c22 - c12 * c12;
-    double t1 = now[1], t2 = now[2];
-    if (det > 1e-6 * trace() * trace()) {
-      double s1 = t1 - (c22 * v1 - c12 * v2) / det, s2 = t2 - (c11 * v2 - c12 * v1) / det;
-      if (s1 * s1 + s2 * s2 <= most * most) return {0, s1 - t1, s2 - t2};
-    }
-    for (int turn = 0; turn < 4; ++turn) {
-      double d1 = t1 - now[1], d2 = t2 - now[2];
-      double s1 = t1 - (v1 + c11 * d1 + c12 * d2) / trace(), s2 = t2 - (v2 + c12 * d1 + c22 * d2) / trace();
-      double size = length(s1, s2), fits = size > most ? most / size : 1;
-      t1 = s1 * fits;
-      t2 = s2 * fits;
-    }
-    return {0, t1 - now[1], t2 - now[2]};
-  }
-  // Squares are in range, so this is right. It takes a third of the time of std::hypot.
-  static double length(double a, double b) { return std::sqrt(a * a + b * b); }
-};
+#include "friction_within_limits.hpp"
 
 struct PathWithFriction : ContactSprings {
   using ContactSprings::ContactSprings;
   static constexpr bool HAS_FRICTION = true;
   static constexpr double FIRST_TOLERANCE = 1e-2, LEAST_RATIO = 1e-1, ENOUGH = 1e-5;  // see follow_springs()
   static constexpr double g = 1 - M_SQRT1_2, d = 1 - 0.5 / g;  // gamma and delta of the method
-  static constexpr long SWEEP = 60;  // the cost of one contact in a sweep
+  static constexpr long SWEEP = FrictionWithinLimits::SWEEP;
 
   // Whether the path ended within its budget and was not wedged.
   bool follow() {
     h = 1e-3;
-    for (int i = 0; i < count; ++i) {
-      slips.push_back({coupling(assembly, i, 1, i, 1), coupling(assembly, i, 1, i, 2), coupling(assembly, i, 2, i, 2)});
-      now.u[i] = now.motion.velocity(i, 0);
-    }
+    for (int i = 0; i < count; ++i) now.u[i] = now.motion.velocity(i, 0);
     while (!all_are_over()) {
       if (!step(now, h, whole) || !step(now, h / 2, half) || !step(half, h / 2, both)) return false;
       const Reversal reversal = first_reversal();
@@ -80,7 +51,7 @@ struct PathWithFriction : ContactSprings {
   State now{Vector(count), Vector(count), Motion(assembly), std::vector<Axes>(count), std::vector<Axes>(count)};
   State whole{now}, half{now}, both{now};  // after one step, and after two of half its length
   Vector load = Vector(count);  // the normal forces
-  std::vector<SlipMatrix> slips;
+  FrictionWithinLimits solver{assembly};
   std::vector<int> frictional;  // the contacts that sweeps go over
 
   double rate_in(const State& state, int i) const { return rate(i, state.x[i], state.u[i]); }
@@ -107,25 +78,13 @@ struct PathWithFriction : ContactSprings {
       to.motion.apply(i, P);
       if (most > 0) frictional.push_back(i);
     }
-    double change = INFINITY;
-    while (change > small && work > 0) {
-      change = 0;
-      for (int i : frictional) {
-        Axes& P = to.friction[i];
-        const Axes by =
-            slips[i].change(P, assembly.contacts[i].mu * P[0], to.motion.velocity(i, 1), to.motion.velocity(i, 2));
-        to.motion.apply(i, by);
-        for (int k = 1; k < 3; ++k) P[k] += by[k];
-        change = std::fmax(change, SlipMatrix::length(by[1], by[2]) * slips[i].trace());
-      }
-      work -= SWEEP * static_cast<long>(frictional.size() + 1);
-    }
+    const bool found = solver.find(frictional, to.motion, to.friction, small, work);
     for (int i = 0; i < count; ++i) {
       for (double& along : to.friction[i]) along /= time;
       to.u[i] = to.motion.velocity(i, 0);
     }
     work -= SWEEP * count;
-    return change <= small;
+    return found;
   }
 
   void compress(State& to, int i, double x) {
@@ -193,7 +152,7 @@ struct PathWithFriction : ContactSprings {
   void add_reversal(int i, Reversal& first) const {
     const double before = slip(now, i), middle = std::copysign(slip(half, i), product_of_slips(now, half, i));
     const double fraction = middle < before ? std::fmin(before / (before - middle) / 2, 1) : 1;
-    const double most = slips[i].trace() * assembly.contacts[i].mu * (both.P[i][0] - now.P[i][0]);
+    const double most = solver.slip_matrix(i).trace() * assembly.contacts[i].mu * (both.P[i][0] - now.P[i][0]);
     first.error = std::fmax(first.error, std::fmin(before, 2 * most * std::fmax(1 - fraction, g / 2)));
     first.fraction = std::fmin(first.fraction, 0.9 * fraction);
   }

@@ -62,7 +62,7 @@ double relative_distance(const Assembly& assembly, const Vector& changes, const 
 template <class Path>
 PathAnswer follow(const Assembly& assembly, const SpringOptions& options, double wanted) {
   constexpr double FINEST = 1e-13;  // least error allowed in a step, relative to the motion
-  constexpr int LEAST_PATHS = 3;  // two may be close to each other by chance
+  constexpr int LEAST_PATHS = 3;  // two may be close to each other, or wedged, by chance
   constexpr double COARSEST_RATIO = 0.5;  // a path whose error is not smaller by this factor tells nothing new
   // Where a light body rattles between heavy ones, the errors of countless steps damp it, on each of the first paths alike.
   constexpr double LARGEST_SUM = 1;  // of the errors of the steps of a path, relative to the speed
@@ -72,22 +72,27 @@ PathAnswer follow(const Assembly& assembly, const SpringOptions& options, double
   long work = options.work;
   double tolerance = Path::FIRST_TOLERANCE, ratio = Path::LEAST_RATIO;  // of a step; that of one path to the next
   double change = 0;
+  int paths = 0, wedged = 0;  // wedged: in a row
   FollowedPath last;
-  for (int paths = 0; tolerance >= FINEST && (paths < LEAST_PATHS || last.error > wanted); ++paths) {
+  while (tolerance >= FINEST && wedged < LEAST_PATHS && (paths < LEAST_PATHS || last.error > wanted)) {
     Path path(assembly, options, tolerance, work);
-    if (!path.follow()) {
-      if (path.is_wedged)
-        last.fault = "friction wedges the bodies: springs stay compressed, and their impulses have no end";
-      break;
+    const bool has_ended = path.follow();
+    if (!has_ended && !path.is_wedged) break;
+    if (path.is_wedged) {
+      ++wedged;
+      last.fault = "friction wedges the bodies: springs stay compressed, and their impulses have no end";
+    } else {
+      wedged = 0;
+      FollowedPath found = answer_of(assembly, path);
+      if (paths > 0) {
+        // A change may be small by chance, so it counts for no less than the one before predicts.
+        change = std::fmax(relative_distance(assembly, last.changes, found.changes), change * ratio);
+        found.error = 2 * change + tolerance + path.rounding;
+        if (!(path.step_errors <= LARGEST_SUM)) found.error = INFINITY;
+      }
+      last = std::move(found);
+      ++paths;
     }
-    FollowedPath found = answer_of(assembly, path);
-    if (paths > 0) {
-      // A change may be small by chance, so it counts for no less than the one before predicts.
-      change = std::fmax(relative_distance(assembly, last.changes, found.changes), change * ratio);
-      found.error = 2 * change + tolerance + path.rounding;
-      if (!(path.step_errors <= LARGEST_SUM)) found.error = INFINITY;
-    }
-    last = std::move(found);
     // The work of a path grows at least with the square root of the refinement: stay within the budget.
     const double growth = 1.25 * static_cast<double>(work - path.work) / std::fmax(path.work, 1);
     ratio = std::fmax(Path::LEAST_RATIO, growth * growth);
