@@ -580,6 +580,24 @@ def test_a_body_that_only_a_coarse_path_stops_is_not_wedged():
     assert held_rod(20, 2, 3.0).resolve(Law.ROUTH_STRONGE).error_bound <= 1e-5
 
 
+def between_walls(e: float, mu: float, recedes: float = 0.0) -> Scene:
+    """A ball that moves from one wall to an opposite one, along them too."""
+    ball = Body.sphere(1.0, 0.5, velocity=(1.0, 0.2, 0.0))
+    walls = [Body.static(), Body.kinematic((0.0, 0.0, 0.0), (-recedes, 0.0, 0.0))]
+    contacts = [Contact.of((x, 0.0, 0.0), (-2 * x, 0.0, 0.0), e, mu) for x in (0.5, -0.5)]
+    return Scene([ball, *walls], [(0, 1), (0, 2)], contacts)
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.3])
+def test_elastic_contacts_that_press_on_each_other_are_refused_quickly(mu, monkeypatch):
+    """Their springs never relax, all of them. The budget is a hundredth of the usual one."""
+    monkeypatch.setattr(protocol, "SPRING_WORK", protocol.SPRING_WORK // 100)
+    with refused(StatusCode.PATH_TOO_LONG, match="rattle for ever"):
+        between_walls(1.0, mu).resolve(Law.ROUTH_STRONGE)
+    for scene in (between_walls(0.9, mu), between_walls(1.0, mu, recedes=3.0)):
+        assert scene.resolve(Law.ROUTH_STRONGE).error_bound <= 1e-4
+
+
 def test_an_exhausted_budget_has_a_status(monkeypatch):
     """Or gives the answer found within it, if its error is known."""
     scene = box((1, 0.3, -1), (0.2, 0.3, 1), e=0.5, mu=0.3)

@@ -9,6 +9,9 @@
 struct ContactSprings {
   // Of the stiffest spring: softer springs count as this. They act when all others have done so.
   static constexpr double SOFTEST = 0x1p-100;
+  // Where a light body rattles between heavy ones, the errors of countless steps damp it, on each of the first paths
+  // alike. So they may add up to this, relative to the speed.
+  static constexpr double LARGEST_SUM = 1;
   struct Coupled {
     int other;
     double by;
@@ -24,21 +27,25 @@ struct ContactSprings {
   std::vector<std::vector<Coupled>> coupled;
   double tolerance;  // greatest error of a step, relative to the motion
   double slow;  // slower approaches count as none, because rounding could keep a contact approaching for ever
-  long work;  // remaining budget: the coupling of two contacts costs 1, about a nanosecond
+  // The work of all paths, that of this path, and what remains of it: the coupling of two contacts costs 1, about a
+  // nanosecond.
+  long budget, share, work;
   double h = 0;  // the length of the next step
   double step_errors = 0;  // the sum of the estimates of all steps, relative to the speed
   double rounding = 0;  // estimate of the relative error of the answer by rounding
   double friction_loss = 0;  // energy that friction took
   bool is_wedged = false;  // the path has no end
 
-  ContactSprings(const Assembly& given, const SpringOptions& options, double tolerance, long budget)
+  ContactSprings(const Assembly& given, const SpringOptions& options, double tolerance, long work)
       : assembly(given),
         count(given.count),
         exponent(options.exponent),
         stiffness(options.stiffness.empty() ? Vector(count, 1) : options.stiffness),
         coupled(count),
         tolerance(tolerance),
-        work(budget) {
+        budget(options.work),
+        share(work),
+        work(work) {
     change_units();
     for (int i = 0; i < count; ++i) {
       for (int j = 0; j < count; ++j)
@@ -88,6 +95,14 @@ struct ContactSprings {
     }
     h *= turns > 1e-6 && turns < 0.9 ? turns : std::fmax(0.2, by);
     return false;
+  }
+
+  // Whether the budget of all paths may be enough for this path and, if the errors of its steps add up to too much, for a
+  // finer one. With steps of some order, the sum is the tolerance times the work, and the work is the inverse of its root.
+  bool is_within_budget(double order) const {
+    const double too_large = step_errors / LARGEST_SUM;
+    const double finer = too_large > 1 ? std::pow(too_large, 1 / (order - 1)) : 0;
+    return work > 0 && (1 + finer) * static_cast<double>(share - work) < static_cast<double>(budget);
   }
 
   // The size of a motion that separates all contacts, for contacts of mass and speed 1. It is large where light bodies

@@ -12,6 +12,7 @@ struct PathWithFriction : ContactSprings {
   using ContactSprings::ContactSprings;
   static constexpr bool HAS_FRICTION = true;
   static constexpr double FIRST_TOLERANCE = 1e-2, LEAST_RATIO = 1e-1, ENOUGH = 1e-5;  // see follow_springs()
+  static constexpr double ORDER = 3;
   static constexpr double g = 1 - M_SQRT1_2, d = 1 - 0.5 / g;  // gamma and delta of the method
   static constexpr long SWEEP = FrictionWithinLimits::SWEEP;
 
@@ -29,10 +30,10 @@ struct PathWithFriction : ContactSprings {
         turns = std::fmin(turns, turning_fraction(i, now.x[i], now.u[i], both.u[i]));
         fastest = std::fmax(fastest, residual_speed(i, both.x[i], both.u[i]));
       }
-      if (!accepts_step(worst, 3, turns, fastest)) continue;
+      if (!accepts_step(worst, ORDER, turns, fastest)) continue;
       extrapolate();
       is_wedged = is_held();
-      if (is_wedged) return false;
+      if (is_wedged || !is_within_budget(ORDER)) return false;
     }
     friction_loss = in_newton_seconds(friction_loss) * unit;
     return return_to_cones();

@@ -7,6 +7,7 @@ struct PathWithoutFriction : ContactSprings {
   using ContactSprings::ContactSprings;
   static constexpr bool HAS_FRICTION = false;
   static constexpr double FIRST_TOLERANCE = 1e-5, LEAST_RATIO = 1e-2, ENOUGH = 1e-6;  // see follow_springs()
+  static constexpr double ORDER = 5;
   static constexpr long STAGE = 20;  // the cost of one contact in a stage, in addition to its couplings
 
   // Whether the path ended within its budget.
@@ -14,7 +15,7 @@ struct PathWithoutFriction : ContactSprings {
     h = 1e-4;
     active = assembly.all_contacts();
     begin_step();
-    while (work > 0 && !active.empty()) {
+    while (is_within_budget(ORDER) && !active.empty()) {
       for (int stage = 1; stage < 7; ++stage) {
         for (int contact : active)
           for (int c : {contact, count + contact}) z[c] = y[c] + h * combination(STAGES[stage], stage, c);
@@ -29,13 +30,13 @@ struct PathWithoutFriction : ContactSprings {
         turns = std::fmin(turns, turning_fraction(i, y[i], velocity(i, y), u));
         fastest = std::fmax(fastest, residual_speed(i, z[i], u));
       }
-      if (!accepts_step(worst, 5, turns, fastest)) continue;
+      if (!accepts_step(worst, ORDER, turns, fastest)) continue;
       for (int i : active) z[i] = std::fmax(z[i], 0);
       y = z;  // contacts that are not active have not changed
       begin_step();
     }
-    if (work > 0) rounding = rounding_of_velocities();
-    return work > 0;
+    if (active.empty()) rounding = rounding_of_velocities();
+    return active.empty();
   }
 
   std::vector<Axes> impulses() const {

@@ -15,7 +15,8 @@
 // the last two answers is the estimate of the error.
 //
 // A contact given twice is twice as stiff. The smaller e is, the more compressions a contact takes to end. Friction may
-// wedge bodies, as in a corner of two walls with mu > 1: then springs stay compressed, and the path has no end.
+// wedge bodies, as in a corner of two walls with mu > 1: then springs stay compressed, and the path has no end. So it is
+// with elastic contacts that press on each other.
 //
 // Source: Liu, Zhao & Brogliato, "Frictionless Multiple Impacts in Multibody Systems. I. Theoretical Framework", Proc.
 // R. Soc. A 464 (2008).
@@ -27,6 +28,31 @@
 namespace {
 
 constexpr const char* TOO_INELASTIC = "must be at least 0.05 for ROUTH_STRONGE in a cluster";
+
+constexpr double WORST = 0.1;  // greatest error estimate that still counts as an answer
+
+// Whether elastic contacts rattle for ever, such as those of a ball between two walls. Impulses p at them, all positive,
+// have no effect. So sum p_i u_i keeps its value: 0, unless walls move apart. As e = 1, x_i' >= -u_i, so sum p_i x_i never
+// decreases: if one of their springs is compressed, they are never all at rest.
+bool rattles_for_ever(const Assembly& assembly) {
+  if (!assembly.is_locked || assembly.walls_move_apart) return false;
+  std::vector<int> elastic;
+  double fastest = 0;
+  for (int i = 0; i < assembly.count; ++i) {
+    if (assembly.contacts[i].e == 1) elastic.push_back(i);
+    fastest = std::fmax(fastest, -assembly.contacts[i].axes[0].velocity);
+  }
+  const std::vector<DD>& A = assembly.couplings<DD>();
+  const Minimum<DD> minimum = minimise(A, std::vector<DD>(assembly.count, {-1, 0}), elastic);
+  if (minimum.status != MinimumStatus::UNBOUNDED) return false;
+  auto approaches = [&](int i) { return -assembly.contacts[i].axes[0].velocity > WORST * fastest; };
+  std::vector<DD> w;  // p = -w, and 1 for the last one
+  minimum.active.line(minimum.last, w);
+  bool found = approaches(minimum.last);
+  for (size_t k = 0; k < w.size(); ++k)
+    found = found || (high(w[k]) < -UNMOVED<DD> && approaches(minimum.active.members[k]));
+  return found;
+}
 
 struct FollowedPath : PathAnswer {
   Vector changes;  // of the twists of the movable bodies
@@ -64,9 +90,10 @@ PathAnswer follow(const Assembly& assembly, const SpringOptions& options, double
   constexpr double FINEST = 1e-13;  // least error allowed in a step, relative to the motion
   constexpr int LEAST_PATHS = 3;  // two may be close to each other, or wedged, by chance
   constexpr double COARSEST_RATIO = 0.5;  // a path whose error is not smaller by this factor tells nothing new
-  // Where a light body rattles between heavy ones, the errors of countless steps damp it, on each of the first paths alike.
-  constexpr double LARGEST_SUM = 1;  // of the errors of the steps of a path, relative to the speed
-  constexpr double WORST = 0.1;  // greatest error estimate that still counts as an answer
+  // The work of a path grows at least with the square root of the refinement, times this.
+  constexpr double GROWTH = 1.25;
+  // Part of the work for the first path. If it needs more, none is left for another one.
+  const double first_part = 1 / (1 + GROWTH / std::sqrt(COARSEST_RATIO));
 
   if (!(wanted > 0)) wanted = Path::ENOUGH;
   long work = options.work;
@@ -75,8 +102,11 @@ PathAnswer follow(const Assembly& assembly, const SpringOptions& options, double
   int paths = 0, wedged = 0;  // wedged: in a row
   FollowedPath last;
   while (tolerance >= FINEST && wedged < LEAST_PATHS && (paths < LEAST_PATHS || last.error > wanted)) {
-    Path path(assembly, options, tolerance, work);
+    const long given = paths > 0 ? work : static_cast<long>(first_part * static_cast<double>(work));
+    Path path(assembly, options, tolerance, given);
     const bool has_ended = path.follow();
+    const long used = given - path.work;
+    work -= used;
     if (!has_ended && !path.is_wedged) break;
     if (path.is_wedged) {
       ++wedged;
@@ -88,17 +118,15 @@ PathAnswer follow(const Assembly& assembly, const SpringOptions& options, double
         // A change may be small by chance, so it counts for no less than the one before predicts.
         change = std::fmax(relative_distance(assembly, last.changes, found.changes), change * ratio);
         found.error = 2 * change + tolerance + path.rounding;
-        if (!(path.step_errors <= LARGEST_SUM)) found.error = INFINITY;
+        if (!(path.step_errors <= Path::LARGEST_SUM)) found.error = INFINITY;
       }
       last = std::move(found);
       ++paths;
     }
-    // The work of a path grows at least with the square root of the refinement: stay within the budget.
-    const double growth = 1.25 * static_cast<double>(work - path.work) / std::fmax(path.work, 1);
+    const double growth = GROWTH * static_cast<double>(used) / static_cast<double>(std::max(work, 1L));
     ratio = std::fmax(Path::LEAST_RATIO, growth * growth);
     if (ratio > COARSEST_RATIO) break;
     tolerance *= ratio;
-    work = path.work;
   }
   if (!last.fault && !(last.error <= WORST)) last.fault = "the path of the impulses did not settle within its budget";
   return last;
@@ -120,6 +148,10 @@ PathAnswer follow_springs(const Assembly& assembly, const SpringOptions& options
   if (least->e < LEAST_SPRING_RESTITUTION) {
     answer.fault = TOO_INELASTIC;
     answer.faulty = static_cast<int>(least - contacts.begin());
+    return answer;
+  }
+  if (rattles_for_ever(assembly)) {
+    answer.fault = "elastic contacts press on each other: they rattle for ever";
     return answer;
   }
   return has_friction ? follow<PathWithFriction>(assembly, options, wanted)
