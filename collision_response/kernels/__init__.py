@@ -29,7 +29,7 @@ Several contacts at once, in ``scene/``::
     reflections.cpp            FRICTIONLESS, by the projections of projection.cpp
     coulomb.cpp                COULOMB, by the programme of cones.hpp
     moreau.cpp, stronge.cpp    MOREAU and ROUTH_STRONGE, the latter along a path
-    coulomb_conditions.cpp     friction that opposes the slip at all contacts: MOREAU, and COULOMB where contacts part
+    coulomb_conditions.cpp     friction that opposes each slip: for MOREAU, and COULOMB where contacts part
     least_norm.cpp             how contacts share a load; shared_loads.cpp: which of them carry it
     effect.cpp                 the answer: twists, energies, and the bound on their error
 """
