@@ -320,5 +320,6 @@ struct LeastWork {
 
 ClusterImpulses least_work_friction(const Assembly& assembly, const ClusterImpulses& frictionless, double tolerance) {
   if (!(greatest_of(loads_of(assembly, frictionless.normal)) > 0)) return frictionless;
-  return LeastWork(assembly, frictionless, tolerance > 0 ? tolerance : USEFUL_BOUND).resolve();
+  // Coarser answers could not tell whether contacts part.
+  return LeastWork(assembly, frictionless, tolerance > 0 ? std::fmin(tolerance, USEFUL_BOUND) : USEFUL_BOUND).resolve();
 }
