@@ -10,12 +10,11 @@
 // This is a convex programme. The impulses of GRR are admissible in it, so energy cannot grow. It is strictly convex in
 // the velocities, so these are unique, and as symmetric as the scene.
 //
-// Mostly, friction then opposes the slip. But not where it unloads a contact, as the upper edge of a box that topples, and
-// the velocity of this one need not be kept; where it presses another, such as a wall beside a ball that turns; or where
-// what keeps the velocities turns friction aside, as in a corner. There, the impulses are those of Coulomb's conditions
-// for rebounds with the normal velocities of GRR (coulomb_conditions.cpp), if these have one solution, and it does not
-// create energy. If there are several, as where four corners share the load of a box that slides and turns, they are the
-// ones of least work after all.
+// But friction may unload a contact, as the upper edge of a box that topples: the velocity of this one need not be kept.
+// Or it may press another, such as a wall beside a ball that turns. Then the impulses are those of Coulomb's conditions for
+// rebounds with the normal velocities of GRR (coulomb_conditions.cpp), if these have one solution, and it does not create
+// energy. If there are several, as where four corners share the load of a box that slides and turns, they are the ones of
+// least work after all.
 //
 // If another contact then approaches in the end, one more projection, with e = 0, stops that. It only takes energy, too;
 // and because it adds normal impulse, friction stays in its cones.
@@ -190,7 +189,7 @@ struct LeastWork {
   // part.
   std::optional<Solution> by_coulombs_conditions(bool presses) const {
     constexpr double BUDGET = 1e8;  // multiplications: a tenth of a second
-    constexpr double COARSEST = 1e-5;  // error bound
+    constexpr double COARSEST = 1e-5;  // error bound: far above most, so that rounding hardly decides
     Vector rebounds(assembly.count);
     for (int i : loaded) rebounds[i] = before.velocity(i, 0);
     const ClusterImpulses impulses = obey_coulomb(assembly, rebounds, BUDGET);

@@ -126,6 +126,7 @@ class SettledShifts {
   // shifts at some distance nearer by more than that, there is a fixed point within that distance.
   double velocity_error(double change) {
     constexpr double LEAST = 1e-10, WIDER = 30, ROUNDING = 1e-12, FIXED = 1 - 1e-5;
+    constexpr double CAUTION = 4;  // the directions tried may not be those in which the error is greatest
     constexpr double NOISE = 1e-14;  // changes of the shifts that are rounding have no direction
     // Directions: one as symmetric as the scene, two that differ from contact to contact, in whatever order they are, and
     // what rounds change most slowly: all else has settled.
@@ -146,7 +147,7 @@ class SettledShifts {
       double rate = 0;
       for (const Vector& direction : directions)
         if (rate <= nearer) rate = rate_at(size, direction);
-      if (rate <= nearer) return 4 * velocity_change;
+      if (rate <= nearer) return CAUTION * velocity_change;
       if (rate > FIXED) break;
     }
     return INFINITY;
@@ -176,10 +177,10 @@ class SettledShifts {
     return direction;
   }
 
-  // How far shifts are from `next`, but for contacts that part: their shifts have no effect.
-  Vector only_taking_part(const Vector& found) const {
-    Vector off(found.size());
-    for (size_t i : taking_part) off[i] = found[i] - next[i];
+  // Without the shifts of contacts that part: they have no effect.
+  Vector only_taking_part(const Vector& all) const {
+    Vector off(all.size());
+    for (size_t i : taking_part) off[i] = all[i];
     return off;
   }
 
@@ -188,7 +189,6 @@ class SettledShifts {
   double rate_at(double size, Vector off) {
     constexpr int LEAST_ROUNDS = 4, ROUNDS = 30;
     const Vector zero(off.size());
-    increase(off, 1, next);
     off = only_taking_part(off);
     double rate = 0, last = -1;
     auto goes_on = [&](int round) {
@@ -198,7 +198,9 @@ class SettledShifts {
       const double now = distance(off, zero);
       if (!(now > 0)) break;
       for (double& x : off) x *= size / now;
-      off = only_taking_part(round_from(off));
+      off = round_from(off);
+      increase(off, -1, next);
+      off = only_taking_part(off);
       Vector moved = programme.motion();
       increase(moved, -1, motion);
       velocity_change = std::fmax(velocity_change, std::sqrt(dot(moved, moved)));
