@@ -19,8 +19,6 @@ from setuptools.command.editable_wheel import editable_wheel
 
 SOURCE = Path(__file__).resolve().parent
 RELEASES = SOURCE / "tools" / "ros"
-WORK = tempfile.TemporaryDirectory()  # outside the checkout, which may hold colcon's build/
-STAGE = Path(WORK.name, "stage")
 NO_WHEELS = "No ROS wheels found. If ROS is installed, build with colcon: see README.md."
 
 
@@ -67,9 +65,9 @@ def run_time_requirements() -> list[str]:
     return [*read_requirements(SOURCE / "tools" / "python.txt"), *ros_run_time.split()]
 
 
-def build_and_stage() -> None:
-    """Build the package with CMake and install it into ``STAGE``."""
-    prefix, binaries = ros_prefix(), Path(WORK.name, "cmake")
+def build_and_stage(folder: Path) -> Path:
+    """Build the package with CMake in a folder. Returns the prefix there that it is installed into."""
+    prefix, binaries, stage = ros_prefix(), folder / "cmake", folder / "stage"
     environment = {**os.environ, "AMENT_PREFIX_PATH": str(prefix), "CMAKE_PREFIX_PATH": str(prefix)}
     environment.pop("DESTDIR", None)  # is for what the wheel is installed into
 
@@ -80,7 +78,7 @@ def build_and_stage() -> None:
         *("-S", SOURCE, "-B", binaries, "-G", "Ninja"),
         "-DBUILD_TESTING=OFF",
         "-DCMAKE_BUILD_TYPE=Release",
-        f"-DCMAKE_INSTALL_PREFIX={STAGE}",
+        f"-DCMAKE_INSTALL_PREFIX={stage}",
         f"-DCMAKE_PROJECT_INCLUDE={SOURCE / 'cmake' / 'ros_wheels.cmake'}",
         f"-DPython3_EXECUTABLE={sys.executable}",
         "-DPYTHON_INSTALL_DIR=python",
@@ -88,6 +86,7 @@ def build_and_stage() -> None:
     )
     cmake("--build", binaries)
     cmake("--install", binaries)
+    return stage
 
 
 def version() -> str:
@@ -99,17 +98,17 @@ class Build(build):
     """Copies the staged Python files to where setuptools expects them and lists the others as data files."""
 
     def run(self) -> None:
-        build_and_stage()
+        stage = build_and_stage(Path(self.build_base))
         shutil.copytree(
-            STAGE / "python",
+            stage / "python",
             self.build_lib,
             ignore=shutil.ignore_patterns("__pycache__", "*.egg-info", "*.c"),
         )
         data: dict[str, list[str]] = {}
         for part in ("include", "lib", "share"):
-            for path in sorted((STAGE / part).rglob("*")):
+            for path in sorted((stage / part).rglob("*")):
                 if path.is_file():
-                    data.setdefault(str(path.parent.relative_to(STAGE)), []).append(str(path))
+                    data.setdefault(str(path.parent.relative_to(stage)), []).append(str(path))
         self.distribution.data_files = list(data.items())
 
 
@@ -125,15 +124,16 @@ class BinaryDistribution(Distribution):
         return True
 
 
-setup(
-    version=version(),
-    distclass=BinaryDistribution,
-    cmdclass={"build": Build, "editable_wheel": RefuseEditable},
-    packages=[],
-    install_requires=run_time_requirements(),
-    options={
-        "bdist_wheel": {"bdist_dir": WORK.name + "/wheel"},
-        "build": {"build_base": WORK.name + "/build"},
-        "egg_info": {"egg_base": WORK.name},
-    },
-)
+with tempfile.TemporaryDirectory() as work:  # outside the checkout, which may hold colcon's build/
+    setup(
+        version=version(),
+        distclass=BinaryDistribution,
+        cmdclass={"build": Build, "editable_wheel": RefuseEditable},
+        packages=[],
+        install_requires=run_time_requirements(),
+        options={
+            "bdist_wheel": {"bdist_dir": work + "/wheel"},
+            "build": {"build_base": work + "/build"},
+            "egg_info": {"egg_base": work},
+        },
+    )

@@ -7,6 +7,7 @@ import runpy
 import shutil
 import subprocess
 import sys
+import tempfile
 from importlib import metadata
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
@@ -162,6 +163,12 @@ def test_requirements_are_those_of_the_release_it_is_built_with(setup_options, r
         "ros-visualization-msgs",
     }
     assert all(wheels(release)[name] == f"{series}.9" for name, series in of_ros.items())
+
+
+def test_a_build_leaves_no_folder_behind(setup_options, monkeypatch, tmp_path):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    setup_options(wheels("kilted"))
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("name", sorted(wheels("kilted").keys() & wheels("jazzy").keys()))
