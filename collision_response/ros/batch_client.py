@@ -22,13 +22,10 @@ from numpy.typing import ArrayLike
 from ..batch import BatchResult, is_bounded
 from ..batch.arrays import Array, check_unmasked
 from ..batch.result import result_fields
-from ..batch.rows import body_rows
+from ..batch.rows import TABLE_LAYOUTS, body_rows
 from ..model import DEFAULT, Geometry, ImpactModel, check_model
 from .convert import error_from, model_of, write_model
-from .tables import LAYOUTS, Request, Response, append, as_indices, as_lines, as_text, result_in, view_of
-
-LAYOUT_OF = {layout.bodies.height: number for number, layout in LAYOUTS.items()}
-"""Number of the layout, by the number of rows in its table of bodies."""
+from .tables import Request, Response, append, as_indices, as_lines, as_text, result_in, view_of
 
 
 def pack(
@@ -67,7 +64,7 @@ def pack(
     _check_shapes(bodies, pairs, contacts)
     request = Request(names=as_lines(names), report=report)
     request.header.frame_id = as_text("frame_id", frame_id)
-    request.layout = LAYOUT_OF[bodies.shape[0]]
+    request.layout = getattr(Request, TABLE_LAYOUTS[bodies.shape[0]].name)
     append(request.bodies, bodies)
     append(request.pairs, as_indices(pairs))
     append(request.contacts, contacts)
@@ -91,12 +88,12 @@ def unpack(response: Response) -> BatchResult:
 
 
 def _check_shapes(bodies: Array, pairs: Array, contacts: Array) -> None:
-    if bodies.ndim != 2 or bodies.shape[0] not in LAYOUT_OF:
-        heights = " or ".join(map(str, LAYOUT_OF))
+    if bodies.ndim != 2 or bodies.shape[0] not in TABLE_LAYOUTS:
+        heights = " or ".join(map(str, TABLE_LAYOUTS))
         raise ValueError(f"bodies: must be of shape ({heights}, B), is {bodies.shape}")
     if pairs.ndim != 2 or pairs.shape[0] != 2:
         raise ValueError(f"pairs: must be of shape (2, N), is {pairs.shape}")
-    n, rows = pairs.shape[1], LAYOUTS[LAYOUT_OF[bodies.shape[0]]].contacts
+    n, rows = pairs.shape[1], TABLE_LAYOUTS[bodies.shape[0]].contacts
     least, most = rows.friction.start, rows.height + 1
     if contacts.ndim != 2 or contacts.shape[1] != n or not least <= contacts.shape[0] <= most:
         raise ValueError(f"contacts: must be of shape ({least} to {most}, {n}), is {contacts.shape}")

@@ -284,7 +284,7 @@ def write_answer(
     write_model(result.model, impact.model)
     _write_twist(result.twist_a, impact.twist_a)
     _write_twist(result.twist_b, impact.twist_b)
-    _write_vector(result.impulse, impact.impulse)
+    write_vector(result.impulse, impact.impulse)
     for field in NUMBERS:
         setattr(result, field, getattr(impact, field))
     result.regime = int(impact.regime)
@@ -384,8 +384,8 @@ def contact_message(contact: Contact, header: Header) -> ContactMessage:
     """Make a message of a contact, without the names of the bodies."""
     message = ContactMessage(header=header)
     message.restitution, message.friction = float(contact.restitution), float(contact.friction)
-    for part, vector in ((message.position, contact.position), (message.normal, contact.normal)):
-        part.x, part.y, part.z = map(float, vector)
+    write_vector(message.position, map(float, contact.position))
+    write_vector(message.normal, map(float, contact.normal))
     return message
 
 
@@ -399,14 +399,15 @@ def twist_message(twist: Twist) -> TwistMessage:
 def vector_message(vector: Vec3) -> Vector3:
     """Make a message of a vector."""
     message = Vector3()
-    _write_vector(message, vector)
+    write_vector(message, vector)
     return message
 
 
 def _write_twist(message: TwistMessage, twist: Twist) -> None:
-    _write_vector(message.linear, twist.linear)
-    _write_vector(message.angular, twist.angular)
+    write_vector(message.linear, twist.linear)
+    write_vector(message.angular, twist.angular)
 
 
-def _write_vector(message: Vector3, vector: Vec3) -> None:
+def write_vector(message: Any, vector: Iterable[float]) -> None:
+    """Write a vector into a message of a vector or a point."""
     message.x, message.y, message.z = vector

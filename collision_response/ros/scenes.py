@@ -141,8 +141,8 @@ def contacts_of(request: ResolveScene.Request, max_contacts: int) -> list[Contac
     messages = []
     for x, y, z, nx, ny, nz, restitution, friction in table.T.tolist():
         message = ContactMessage(header=request.header, restitution=restitution, friction=friction)
-        message.position.x, message.position.y, message.position.z = x, y, z
-        message.normal.x, message.normal.y, message.normal.z = nx, ny, nz
+        convert.write_vector(message.position, (x, y, z))
+        convert.write_vector(message.normal, (nx, ny, nz))
         messages.append(message)
     return messages
 

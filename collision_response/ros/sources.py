@@ -23,7 +23,7 @@ from ..physics.body import Body, Twist
 from ..physics.mass_properties import MassProperties
 from ..physics.orientation import Quaternion
 from ..physics.vector import ZERO, Vec3
-from .convert import nanoseconds, state_message, twist_message, vector_of
+from .convert import nanoseconds, state_message, twist_message, vector_of, write_vector
 from .parameters import DeclaringNode, declare, fixed, warn_of_unknown
 from .process import StartError, run
 from .throttled_warnings import ThrottledWarnings
@@ -87,7 +87,7 @@ def from_transforms(
     position = vector_of(after.translation)
     displacement = position - vector_of(before.translation)
     state = body_state(later.header, later.child_frame_id, mass_properties)
-    state.pose.position.x, state.pose.position.y, state.pose.position.z = position
+    write_vector(state.pose.position, position)
     state.pose.orientation = after.rotation
     angular_velocity = _rotation_vector(_nonzero(before.rotation), _nonzero(after.rotation)) / t
     state.twist = twist_message(Twist(displacement / t, angular_velocity))
