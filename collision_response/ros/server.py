@@ -168,32 +168,38 @@ class Server:
         This takes at most ``limit`` [s]. Refusals begin when only ``reserve`` [s] is left to compute: earlier
         on a machine that is busy with other work. Return how many requests are left without an answer.
         """
-        clock, computing_time = time.perf_counter, time.thread_time
-        answers_before, unread, spent, computed = self._counters.answers.total(), 0, 0.0, 0.0
-        start = last_arrival = clock()
+        answers_before, unread = self._counters.answers.total(), 0
+        start = time.perf_counter()
         end = start + limit
         with suppress(InvalidHandle):  # of a node that is destroyed, as after its context was shut down
-            while self._jobs or clock() - last_arrival < QUIET_TIME:
-                share = computed / spent if spent > LEAST_MEASURED_TIME else 1.0
-                if (end - clock()) * share < reserve:
-                    break
-                turn, computed_before = clock(), computing_time()
-                if self._take_requests():
-                    last_arrival = clock()
-                self._jobs.resume(overdue_only=True)
-                end_of_turn = min(end, clock() + SERVING_TIME_OF_DRAIN)
-                while self._jobs.is_ready and clock() < end_of_turn:
-                    self._jobs.run_slice()
-                spent, computed = spent + clock() - turn, computed + computing_time() - computed_before
-                if not self._jobs.is_ready:
-                    time.sleep(WAIT_CHECK_INTERVAL)
+            self._serve_until(end, reserve)
             self._jobs.refuse_all(AT_SHUTDOWN, end)
             while self._refuse_unread(start, end):
                 pass
-            unread = sum(1 for waitable in self._waitables for _ in waitable.take_unread(clock() + MAX_TIME))
+            for waitable in self._waitables:
+                unread += sum(1 for _ in waitable.take_unread(time.perf_counter() + MAX_TIME))
             if self._counters.answers.total() > answers_before:
                 time.sleep(min(DELIVERY_TIME, 0.2 * limit))
         return len(self._jobs) + unread
+
+    def _serve_until(self, end: float, reserve: float) -> None:
+        """Answer requests until no more arrive, or only ``reserve`` [s] is left to compute before ``end``."""
+        clock, computing_time = time.perf_counter, time.thread_time
+        spent, computed, last_arrival = 0.0, 0.0, clock()
+        while self._jobs or clock() - last_arrival < QUIET_TIME:
+            share = computed / spent if spent > LEAST_MEASURED_TIME else 1.0
+            if (end - clock()) * share < reserve:
+                return
+            turn, computed_before = clock(), computing_time()
+            if self._take_requests():
+                last_arrival = clock()
+            self._jobs.resume(overdue_only=True)
+            end_of_turn = min(end, clock() + SERVING_TIME_OF_DRAIN)
+            while self._jobs.is_ready and clock() < end_of_turn:
+                self._jobs.run_slice()
+            spent, computed = spent + clock() - turn, computed + computing_time() - computed_before
+            if not self._jobs.is_ready:
+                time.sleep(WAIT_CHECK_INTERVAL)
 
     def _refuse_unread(self, start: float, end: float) -> int:
         """Refuse the requests that wait, until a time [s], and return how many there were.
