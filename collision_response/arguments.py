@@ -93,6 +93,16 @@ def check_number(
     return float(number)
 
 
+def finite_number(field: str, value: Any) -> float:
+    """Return a finite real number as a float.
+
+    Raises:
+        ImpactError: NOT_FINITE.
+        TypeError: as :func:`check_number`.
+    """
+    return check_number(field, value, -math.inf, math.inf, StatusCode.NOT_FINITE)
+
+
 def of_one_type(given: Mapping[str, Any]) -> list[Any]:
     """Return finite numbers, given by name, as floats; or as fractions if all are fractions or integers.
 
@@ -104,7 +114,7 @@ def of_one_type(given: Mapping[str, Any]) -> list[Any]:
     numbers = [real_number(name, x) for name, x in given.items()]
     if any(isinstance(x, Fraction) for x in numbers) and all(isinstance(x, (Fraction, int)) for x in numbers):
         return list(map(Fraction, numbers))
-    return [check_number(name, x, -math.inf, math.inf, StatusCode.NOT_FINITE) for name, x in given.items()]
+    return [finite_number(name, x) for name, x in given.items()]
 
 
 def check_count(field: str, value: Any, least: int, most: float, code: StatusCode) -> int:

@@ -21,13 +21,12 @@ Proc. IEEE 112 (2024).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..arguments import check_number
+from ..arguments import finite_number
 from ..batch.arrays import Array
 from ..body_conversions import com_in_world_axes
 from ..in_python.request_numbers import read_request
@@ -114,7 +113,7 @@ def linearise(
     """Linearise an impact about the given state. Arguments and errors are as for :func:`saltation_matrix`."""
     gravity = as_vector("gravity", gravity)
     for acceleration in gravity:
-        check_number("gravity", acceleration, -math.inf, math.inf, StatusCode.NOT_FINITE)
+        finite_number("gravity", acceleration)
     resolve(body_a, body_b, contact, model)  # refuses invalid input before `surfaces` is called with it
     check_coefficients(contact)
     body_a, body_b, contact = read_request(body_a, body_b, contact)

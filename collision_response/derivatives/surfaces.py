@@ -14,14 +14,13 @@ The shapes of the bodies matter only through ``dn`` and ``dC``.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from ..arguments import check_number
+from ..arguments import finite_number
 from ..batch.arrays import Array, compared_by_identity
 from ..physics.body import Body
 from ..physics.contact import Contact
@@ -82,9 +81,7 @@ def sphere_on_plane(radius: float) -> Surfaces:
         ImpactError: NOT_FINITE if ``radius`` is not finite.
         TypeError: if ``radius`` is not a real number.
     """
-    return partial(
-        _sphere_on_plane, check_number("radius", radius, -math.inf, math.inf, StatusCode.NOT_FINITE)
-    )
+    return partial(_sphere_on_plane, finite_number("radius", radius))
 
 
 def _sphere_on_plane(radius: float, body_a: Body, body_b: Body, contact: Contact) -> SurfaceMotion:
@@ -105,8 +102,7 @@ def sphere_on_sphere(radius_a: float, radius_b: float) -> Surfaces:
         ImpactError: NOT_FINITE if a radius is not finite, INVALID_NORMAL if they add up to 0.
         TypeError: if a radius is not a real number.
     """
-    radius_a = check_number("radius_a", radius_a, -math.inf, math.inf, StatusCode.NOT_FINITE)
-    radius_b = check_number("radius_b", radius_b, -math.inf, math.inf, StatusCode.NOT_FINITE)
+    radius_a, radius_b = finite_number("radius_a", radius_a), finite_number("radius_b", radius_b)
     if radius_a + radius_b == 0:
         reason = f"must not be {radius_b}: the centres would coincide, so there is no normal"
         raise ImpactError(StatusCode.INVALID_NORMAL, "radius_b", reason)

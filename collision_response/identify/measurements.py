@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
 
-from ..arguments import as_list, check_mapping, check_number
+from ..arguments import as_list, check_mapping, check_number, finite_number
 from ..batch import body_rows, contact_rows, resolve_batch
 from ..batch.arrays import Array
 from ..body_conversions import com_in_world_axes, orientation_of, with_com_as_reference
@@ -303,9 +303,8 @@ def _read_twist(field: str, body: Body, twist: Twist) -> Twist:
 
 def _read_vector(field: str, vector: Sequence[Any]) -> Vec3:
     """Return a measured vector with floats. Each is finite, or NaN: not measured."""
-    finite = partial(check_number, field, least=-math.inf, most=math.inf, code=StatusCode.NOT_FINITE)
     numbers = map(of_python, as_vector(field, vector))
-    return Vec3(*(math.nan if x != x else finite(x) for x in numbers))
+    return Vec3(*(math.nan if x != x else finite_number(field, x) for x in numbers))
 
 
 def _write_body(column: Array, after: Array, root: Array, body: Body, twist: Twist) -> None:
@@ -460,8 +459,7 @@ def _read_readings(name: str, rows: Iterable[Any]) -> Iterator[tuple[float, floa
             incidence, reading = row
         except (TypeError, ValueError):
             raise TypeError(f"{field}: must be an angle and a reading, is {format_value(row)}") from None
-        finite = partial(check_number, field, least=-math.inf, most=math.inf, code=StatusCode.INVALID_TABLE)
-        numbers = finite(incidence), finite(reading)
+        numbers = finite_number(field, incidence), finite_number(field, reading)
         if name == "ratio" and numbers[0] == 0:
             reason = "at incidence 0 there is no tangential velocity before"
             raise ImpactError(StatusCode.INVALID_TABLE, field, reason)

@@ -17,7 +17,7 @@ from ..scene.answer import NUMBERS
 from . import table
 from .record import SceneRecord
 from .rerun_sdk import pa
-from .table import changed_columns, columns_of, contact_of, model_of, numbers_of_contacts
+from .table import CONTACT_SIZE, changed_columns, columns_of, contact_of, model_of, numbers_of_contacts
 
 TABLE = "/scenes"
 
@@ -32,8 +32,6 @@ COLUMNS: table.Columns = {
         (f"request_{part}" for part in ("bodies", "pairs", "contacts", "model")), table.NUMBER_LIST
     ),
 }
-CONTACT_SIZE = 9
-"""Numbers of each contact in ``request_contacts``."""
 
 
 def scene_columns(rows: Sequence[SceneRecord]) -> Any:

@@ -36,6 +36,10 @@ WORD, NUMBER, WORD_LIST, NUMBER_LIST, VECTOR = "word", "number", "words", "numbe
 """Kinds of columns: one word or number in each row, or several. A kind that is a number is a vector with
 that many components; 0: with the same number of them in each row."""
 Columns = dict[str, str | int]
+
+CONTACT_SIZE = 9
+"""Numbers of each contact: position, normal, restitution, friction and tangential restitution."""
+
 REFUSAL: Columns = {"answer": NUMBER, "status": WORD, "message": WORD}
 ANSWER: Columns = {
     "answer": NUMBER,
@@ -44,7 +48,7 @@ ANSWER: Columns = {
     **dict.fromkeys((*NUMBERS, "restitution", "friction", "duration"), NUMBER),
     **dict.fromkeys(("position", "normal", "impulse"), 3),
     **dict.fromkeys(("twist_a_before", "twist_a_after", "twist_b_before", "twist_b_after"), 6),
-    **{"request_a": ROWS, "request_b": ROWS, "request_contact": 9, "request_model": VECTOR},
+    **{"request_a": ROWS, "request_b": ROWS, "request_contact": CONTACT_SIZE, "request_model": VECTOR},
 }
 OF_ARTICULATED = dict.fromkeys(("inverse_inertia_a", "inverse_inertia_b"), len(InverseInertia._fields))
 OPTIONAL: Columns = {"message": WORD, **OF_ARTICULATED}
