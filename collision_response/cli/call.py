@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from array import array
 from difflib import get_close_matches
 from typing import Any
 
 from ..ros.take_all import RCLError  # isort: skip  # before rclpy: if that is missing, it says what to install
+import numpy as np
 import rclpy
 from rclpy.exceptions import NameValidationException
 from rclpy.qos import HistoryPolicy, QoSProfile
@@ -135,27 +135,25 @@ def fill(message: Any, tree: Any, path: str = "") -> None:
         if hasattr(getattr(message, name), "get_fields_and_field_types"):
             fill(getattr(message, name), value, where)
         else:
-            setattr(message, name, _value(where, name, value, getattr(message, name), types[name]))
+            setattr(message, name, _value(where, name, value, types[name]))
 
 
-def _value(where: str, name: str, value: Any, default: Any, kind: str) -> Any:
-    if isinstance(default, array | list):
+def _value(where: str, name: str, value: Any, kind: str) -> Any:
+    """Return a value for a field of a type of ROS, such as ``sequence<double, 36>``."""
+    if kind.startswith("sequence<"):
         if not isinstance(value, list):
             raise InvalidRequest(f"{where}: must be a list in brackets, is {format_value(value)}")
-        item, _, bound = kind.partition("[")[0].removeprefix("sequence<").rstrip(">").partition(", ")
+        item, _, bound = kind.removeprefix("sequence<").removesuffix(">").partition(", ")
         if bound and len(value) > int(bound):
             raise InvalidRequest(f"{where}: must have {bound} entries at most, has {len(value)}")
-        return [
-            _value(f"{where}[{i}]", name, one, 0.0 if "float" in item or item == "double" else 0, item)
-            for i, one in enumerate(value)
-        ]
-    if isinstance(default, str):
+        return [_value(f"{where}[{i}]", name, one, item) for i, one in enumerate(value)]
+    if kind == "string":
         if not isinstance(value, str):
             raise InvalidRequest(f"{where}: must be text, is {format_value(value)}: write it in quotes")
         if "\0" in value:
             raise InvalidRequest(f"{where}: must have no NUL character, where ROS would cut it off")
         return value
-    if isinstance(default, bool):
+    if kind == "boolean":
         if not isinstance(value, bool):
             raise InvalidRequest(f"{where}: must be true or false, is {format_value(value)}")
         return value
@@ -163,23 +161,23 @@ def _value(where: str, name: str, value: Any, default: Any, kind: str) -> Any:
         if value.upper() in NAMES[name]:
             return NAMES[name][value.upper()]
         raise InvalidRequest(f"{where}: must be one of {', '.join(NAMES[name])}; is {value}")
+    return _number(where, value, kind)
+
+
+def _number(where: str, value: Any, kind: str) -> float:
+    is_float = kind in ("float", "double")
     try:
         if isinstance(value, bool):
             raise ValueError
-        if isinstance(default, float):
+        if is_float:
             return float(value)
-        least, most = _range(kind)
-        if int(value) != value or not least <= value <= most:
+        limits = np.iinfo(kind)
+        if int(value) != value or not limits.min <= value <= limits.max:
             raise ValueError
         return int(value)
     except (TypeError, ValueError, OverflowError):
-        must = "a number" if isinstance(default, float) else f"{'an' if kind.startswith('i') else 'a'} {kind}"
+        must = "a number" if is_float else f"{'an' if kind.startswith('i') else 'a'} {kind}"
         raise InvalidRequest(f"{where}: must be {must}, is {format_value(value)}") from None
-
-
-def _range(kind: str) -> tuple[int, int]:
-    sign, _, bits = kind.partition("int")
-    return (0, 2 ** int(bits) - 1) if sign else (-(2 ** (int(bits) - 1)), 2 ** (int(bits) - 1) - 1)
 
 
 def answer(kind: Any, request: Any, service: str, timeout: float) -> Any:
