@@ -19,6 +19,14 @@ from .plot import draw
 
 LAWS_BY_NAME = {law.name.lower(): law for law in LAWS}
 
+OF_READINGS = "speed", "radius", "errors"
+"""The options for readings of a sphere."""
+
+WITHIN = 0.05
+"""Default of ``--within`` [s]."""
+
+EXPECTED_ERRORS = ImpactError, ImportError, OSError, ValueError
+
 
 def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
@@ -82,15 +90,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         except EXPECTED_ERRORS as error:
             return _failed(arguments.plot, error)
     return 0
-
-
-OF_READINGS = "speed", "radius", "errors"
-"""The options for readings of a sphere."""
-
-WITHIN = 0.05
-"""Default of ``--within`` [s]."""
-
-EXPECTED_ERRORS = ImpactError, ImportError, OSError, ValueError
 
 
 def _failed(file: object, error: Exception) -> int:

@@ -144,16 +144,15 @@ class Impacts(Measurements):
         lengths = n, *_ = [len(values) for values in lists]
         if lengths.count(n) < len(lengths):
             raise ValueError(f"{', '.join(names)}: must be of one length; have {lengths}")
-        tables = np.zeros((BODY.height, 2, n)), np.zeros((CONTACT.height, n)), np.zeros((6, 2, n))
-        root = np.zeros((3, 3, 2, n))
+        bodies, touches = np.zeros((BODY.height, 2, n)), np.zeros((CONTACT.height, n))
+        after, root = np.zeros((6, 2, n)), np.zeros((3, 3, 2, n))
         for i, (a, b, contact, twist_a, twist_b) in enumerate(zip(*lists, strict=True)):
-            *bodies, contact = _read_request(f"impacts[{i}]", a, b, contact)
-            tables[1][:, i] = *contact.position, *contact.normal, contact.restitution, contact.friction
-            measured = ("after_a", twist_a), ("after_b", twist_b)
-            for side, (body, (name, given)) in enumerate(zip(bodies, measured, strict=True)):
-                twist = _read_twist(f"impacts[{i}].{name}", body, given)
-                _write_body(tables[0][:, side, i], tables[2][:, side, i], root[:, :, side, i], body, twist)
-        return cls(*tables, root)
+            a, b, contact = _read_request(f"impacts[{i}]", a, b, contact)
+            touches[:, i] = *contact.position, *contact.normal, contact.restitution, contact.friction
+            for side, (name, body, measured) in enumerate((("after_a", a, twist_a), ("after_b", b, twist_b))):
+                twist = _read_twist(f"impacts[{i}].{name}", body, measured)
+                _write_body(bodies[:, side, i], after[:, side, i], root[:, :, side, i], body, twist)
+        return cls(bodies, touches, after, root)
 
     def __len__(self) -> int:
         return self.contacts.shape[1]
