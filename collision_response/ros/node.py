@@ -81,6 +81,7 @@ class CollisionResponseNode(DeclaringNode):
         StartError: if a value is an empty list, or a number without the point that it needs.
     """
 
+    # On the class, because rclpy destroys a node also if its start failed before these are set.
     _recorder: Recorder | None = None
     _scene_service: SceneService | None = None
 
