@@ -234,6 +234,11 @@ def format_energies(answer: Any) -> str:
     return f"energy {before} -> {after} J; lost: {lost[0]} restitution, {lost[1]} friction"
 
 
+def format_name(name: str) -> str:
+    """Format a name so that it does nothing to a terminal: its control characters are escaped."""
+    return name if name.isprintable() else repr(name)[1:-1]
+
+
 def format_number(x: Scalar) -> str:
     """Format a number with six digits, and -0 as 0."""
     try:

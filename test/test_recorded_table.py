@@ -178,6 +178,17 @@ class TestReplay:
         ]
         assert lines[-1] == "2 impacts computed again, 1 of them with different answers"
 
+    def test_names_do_nothing_to_a_terminal(self, recording, capsys):
+        """They may come from any publisher."""
+        one, several = record(1, next(requests())), scene(2)
+        wrong = [entry.impact._replace(energy_lost_friction=1.0) for entry in (one, several)]
+        one = one._replace(name_a="\x1b[2J", impact=wrong[0])
+        several = several._replace(names=["a\n", *several.names[1:]], impact=wrong[1])
+        assert main(["replay", str(recording([one, several]))]) == 1
+        of_one, of_several, _ = capsys.readouterr().out.splitlines()
+        assert of_one.startswith(r"answer 1, \x1b[2J on floor: energy_lost_friction was 1.0, is ")
+        assert of_several.startswith(r"answer 2, scene of a\n, ")
+
     def test_a_tolerance_applies_to_numbers_only(self, recording, capsys):
         right = record(1, next(requests()))
         near = right.impact._replace(kinetic_energy_after=right.impact.kinetic_energy_after * (1 + 1e-9))

@@ -16,7 +16,7 @@ from rclpy.qos import HistoryPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
 from .. import ImpactError, StatusCode
-from ..answer import format_columns, format_impact, format_number
+from ..answer import format_columns, format_impact, format_name, format_number
 from ..model import ENUMERATIONS
 from ..msg import BodyState
 from ..ros.batch_client import unpack
@@ -225,7 +225,7 @@ def answer(kind: Any, request: Any, service: str, timeout: float) -> Any:
 
 def _of_impact(response: Any) -> str:
     result = _valid(response)
-    names = _printable(result.contact.body_a) or "body_a", _printable(result.contact.body_b) or "body_b"
+    names = format_name(result.contact.body_a) or "body_a", format_name(result.contact.body_b) or "body_b"
     return "\n".join(filter(None, [format_impact(result, names), result.status.message]))
 
 
@@ -257,11 +257,6 @@ def _valid(response: Any) -> Any:
         return response.result
     status = response.result.status
     raise error_from(status.code, status.message)
-
-
-def _printable(name: str) -> str:
-    """Write a name so that it does nothing to a terminal."""
-    return name if name.isprintable() else repr(name)[1:-1]
 
 
 def _row(numbers: Any) -> str:

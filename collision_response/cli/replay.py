@@ -8,6 +8,7 @@ import sys
 from itertools import chain
 from typing import Any
 
+from ..answer import format_name
 from ..recording import scenes, table
 
 DESCRIPTION = """Computes all impacts and scenes of recordings again, in this process, and reports every
@@ -48,7 +49,7 @@ def main(arguments: list[str]) -> int:
             return 2
         differing += bool(reported)
         for column, before, now in reported:
-            print(f"answer {row['answer']}, {name}: {column} was {before}, is {now}")
+            print(f"answer {row['answer']}, {format_name(name)}: {column} was {before}, is {now}")
     computed = f"{len(impacts)} impacts" + (f" and {len(scene_table)} scenes" if scene_table else "")
     print(f"{computed} computed again, {differing} of them with different answers")
     return 1 if differing else 0
