@@ -173,13 +173,14 @@ def _check(
             names = ", ".join(str(getattr(one, "name", one)) for one in known)
             reason = f"must be one of {names}; is {format_value(value)}"
             raise ImpactError(StatusCode.INVALID_MODEL, field, reason)
-    for field, wrong in (
-        ("fit", "" if fit else f"must name a coefficient: those of {law.name} are given: {', '.join(given)}"),
-        *(("fit", f"has {name} twice") for name in set(fit) if fit.count(name) > 1),
-        *(("given", f"has {name}, which is to be fitted") for name in fit if name in given),
-    ):
-        if wrong:
-            raise ImpactError(StatusCode.INVALID_MODEL, field, wrong)
+    if not fit:
+        reason = f"must name a coefficient: those of {law.name} are given: {', '.join(given)}"
+        raise ImpactError(StatusCode.INVALID_MODEL, "fit", reason)
+    for name in fit:
+        if fit.count(name) > 1:
+            raise ImpactError(StatusCode.INVALID_MODEL, "fit", f"has {name} twice")
+        if name in given:
+            raise ImpactError(StatusCode.INVALID_MODEL, "given", f"has {name}, which is to be fitted")
     for name, value in given.items():
         check_number(f"given.{name}", value, *RANGES[name], StatusCode.INVALID_COEFFICIENT)
 
