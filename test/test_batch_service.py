@@ -544,6 +544,7 @@ def test_contacts_of_path_laws_are_computed_a_few_at_a_time(law):
         ("contacts: must be of shape (4 to 6, 2), is (1, 2)", {"contacts": np.zeros((1, 2))}),
         ("contacts: must be of shape (4 to 6, 2), is (7, 2)", {"contacts": np.zeros((7, 2))}),
         ("bodies: must be numbers, some are masked", {"bodies": np.ma.masked_array(np.zeros((4, 3)), True)}),
+        ("pairs: must be numbers, some are masked", {"pairs": np.ma.masked_array([[0, 1], [1, 2]], True)}),
         ("bodies: must be real numbers, is complex128", {"bodies": np.zeros((4, 3), complex)}),
         ("contacts: must be real numbers, is <U1", {"contacts": np.full((5, 2), "1")}),
         ("pairs: must be indices of bodies, counted from 0; one is -1", {"pairs": [[0, -1], [1, 2]]}),

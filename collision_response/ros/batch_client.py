@@ -16,11 +16,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from ..batch import BatchResult, is_bounded
-from ..batch.arrays import Array, check_unmasked
+from ..batch.arrays import Array, as_numpy
 from ..batch.result import result_fields
 from ..batch.rows import TABLE_LAYOUTS, body_rows
 from ..model import DEFAULT, Geometry, ImpactModel, check_model
@@ -54,13 +53,12 @@ def pack(
     Raises:
         ImpactError: if the model is invalid.
         TypeError: if ``model`` is not an :class:`ImpactModel`, or ``names`` is no sequence.
-        ValueError: if an array has the wrong shape, an entry of ``pairs`` is not an index, or a name is
-            not one line of text.
+        ValueError: if an array has the wrong shape or masked elements, an entry of ``pairs`` is not an index,
+            or a name is not one line of text.
     """
     check_model(model)
-    for name, table in (("bodies", bodies), ("contacts", contacts)):
-        check_unmasked(name, table)
-    bodies, pairs, contacts = np.asarray(bodies), np.asarray(pairs), np.asarray(contacts)
+    bodies, contacts = as_numpy("bodies", bodies), as_numpy("contacts", contacts)
+    pairs = as_numpy("pairs", pairs)
     _check_shapes(bodies, pairs, contacts)
     request = Request(names=as_lines(names), report=report)
     request.header.frame_id = as_text("frame_id", frame_id)
