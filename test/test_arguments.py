@@ -12,9 +12,20 @@ import numpy as np
 import pytest
 from refusals import refused
 
-from collision_response import Body, Contact, Geometry, Law, StatusCode, resolve_contact, resolve_scene
+from collision_response import (
+    Body,
+    Contact,
+    Geometry,
+    Law,
+    StatusCode,
+    Twist,
+    Vec3,
+    resolve,
+    resolve_contact,
+    resolve_scene,
+)
 from collision_response.batch import body_rows, contact_rows, resolve_batch, resolve_scenes
-from collision_response.derivatives import unit_directions
+from collision_response.derivatives import differentiate, unit_directions
 from collision_response.physics import friction, mass_properties
 from collision_response.physics.combine import CombineRule, combine
 from collision_response.physics.restitution import johnson, plastic, power_law, tabulated, viscoelastic
@@ -257,3 +268,22 @@ def test_what_is_no_parameter_to_differentiate_by_is_refused(wrong):
     names = wrong if isinstance(wrong, list) else [wrong]
     with pytest.raises((TypeError, ValueError), match=r"^with_respect_to: must be "):
         unit_directions(*names)
+
+
+@pytest.mark.parametrize("wrong", [3, None, b"contact.friction", Law.COULOMB], ids=repr)
+def test_what_is_no_name_is_not_taken_for_an_unknown_parameter(wrong):
+    request = Body.sphere(1.0, 1.0), Body.static(), Contact.of((0, 0, 0), (0, 0, 1))
+    for names in ([wrong], ["contact.friction", wrong], [wrong, wrong]):
+        with pytest.raises(TypeError, match=r"^with_respect_to: must be a sequence of names of parameters"):
+            differentiate(*request, with_respect_to=names)
+        with pytest.raises(TypeError, match=r"^with_respect_to: must be a sequence of names of parameters"):
+            unit_directions(*names)
+
+
+def test_what_is_no_twist_is_refused():
+    body = Body.sphere(1.0, 1.0)
+    v, w = Vec3(1.0, 0.0, 0.0), Vec3(0.0, 0.0, 1.0)
+    for wrong in ((v, w), v, None, 1.0, resolve(body, Body.static(), Contact.of((0, 0, 0), (0, 0, 1)))):
+        with pytest.raises(TypeError, match=r"^twist: must be a Twist, is "):
+            body.with_twist(wrong)
+    assert body.with_twist(Twist(v, w)) == Body.sphere(1.0, 1.0, velocity=v, angular_velocity=w)

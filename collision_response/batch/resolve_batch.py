@@ -88,7 +88,8 @@ def resolve_batch(
 
     Raises:
         ImpactError: INVALID_MODEL or INVALID_COEFFICIENT, if the model is invalid, or not for batches.
-        TypeError: if ``workers`` is not a whole number.
+        TypeError: if ``model`` is not an :class:`~collision_response.ImpactModel`, or ``workers`` not a whole
+            number.
         ValueError: if an array has the wrong shape or type.
     """
     check_count("workers", workers, 1, math.inf, StatusCode.INVALID_MODEL)

@@ -123,7 +123,8 @@ def resolve_scenes(
 
     Raises:
         ImpactError: INVALID_MODEL or INVALID_COEFFICIENT, if the model is invalid, or not for tables.
-        TypeError: if ``threshold`` is not a number, or ``workers`` not a whole number.
+        TypeError: if ``model`` is not an :class:`~collision_response.ImpactModel`, ``threshold`` not a
+            number, or ``workers`` not a whole number.
         ValueError: if an array has the wrong shape or type.
     """
     check_unmasked("bodies", bodies)

@@ -209,7 +209,7 @@ def unit_directions(*with_respect_to: str) -> Array:
 def _directions_and_columns(with_respect_to: Iterable[str]) -> tuple[Array, dict[str, slice]]:
     try:
         return _unit_directions(tuple(as_list("with_respect_to", with_respect_to)))
-    except TypeError:  # it is not iterable, one name, or holds lists
+    except TypeError:  # it is not iterable, one name, or holds something else
         reason = f"must be a sequence of names of parameters, is {format_value(with_respect_to)}"
         raise TypeError(f"with_respect_to: {reason}") from None
 
@@ -227,7 +227,7 @@ def differentiate_batch(
             They may have components that the tables of a geometry leave out.
 
     Raises:
-        ImpactError: as ``resolve_batch``.
+        ImpactError, TypeError: as ``resolve_batch``.
         ValueError: as ``resolve_batch``, or if an array is not float64 or ``directions`` has another shape.
     """
     given = {"bodies": bodies, "contacts": contacts, "directions": directions}
@@ -260,6 +260,8 @@ def differentiate_batch(
 @lru_cache
 def _unit_directions(names: tuple[str, ...]) -> tuple[Array, dict[str, slice]]:
     """Return the unit directions of these parameters, and the columns of each of them."""
+    if not all(isinstance(name, str) for name in names):
+        raise TypeError
     for name in names:
         if name not in PARAMETERS or names.count(name) > 1:
             reason = f"must be different names from {', '.join(PARAMETERS)}; one is {format_value(name)}"

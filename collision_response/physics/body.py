@@ -272,7 +272,13 @@ class Body(NamedTuple):
         return cls.kinematic(position)
 
     def with_twist(self, twist: Twist) -> Body:
-        """Return this body with another twist."""
+        """Return this body with another twist.
+
+        Raises:
+            TypeError: if ``twist`` is not a :class:`Twist`.
+        """
+        if not isinstance(twist, Twist):
+            raise TypeError(f"twist: must be a Twist, is {format_value(twist)}")
         return self._replace(velocity=twist.linear, angular_velocity=twist.angular)
 
     def is_movable(self) -> Condition:
