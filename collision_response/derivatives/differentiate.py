@@ -32,6 +32,7 @@ from ..kernels.layout import (
     names_of_contact,
     rows_in_everything,
     slices_of,
+    widths_of,
 )
 from ..model import DEFAULT, Geometry, ImpactModel, law_for, plan_model
 from ..physics.body import Body
@@ -49,14 +50,9 @@ _BYTES_BEFORE_SETTINGS = 8 * (
 
 def _parameter_widths() -> dict[str, int]:
     """Number of components of each parameter."""
-    body_widths, contact_widths = (
-        {name: len(axes) for name, axes in fields.items()}
-        for fields in (Layout.EVERYTHING.body_fields, Layout.EVERYTHING.contact_fields)
-    )
-    body_widths["orientation"] = 3  # a rotation vector
-    contact_widths |= {"restitution": 1, "friction": 1}
-    widths = {f"{body}.{name}": width for body in ("body_a", "body_b") for name, width in body_widths.items()}
-    widths |= {f"contact.{name}": width for name, width in contact_widths.items()}
+    of_body = widths_of(Layout.EVERYTHING.body_fields) | {"orientation": 3}  # a rotation vector
+    widths = {f"{body}.{name}": width for body in ("body_a", "body_b") for name, width in of_body.items()}
+    widths |= {f"contact.{name}": n for name, n in widths_of(Layout.EVERYTHING.contact_fields).items()}
     return widths | {"model.tangential_restitution": 1, "model.stiffness_ratio": 1}
 
 
@@ -251,8 +247,8 @@ def differentiate_batch(
     law = law_for(model.law, has_friction=has_row or bool(directions[PARAMETERS["contact.friction"]].any()))
     count, same_for_all = directions.shape[1], directions.ndim == 2
     jacobian, smoothness = np.empty((RESULT_COUNT, count, n)), np.empty((count, n), np.uint8)
-    arrays = np.ascontiguousarray(inputs), np.ascontiguousarray(directions), jacobian, smoothness
-    _derivatives.differentiate(law, n, count, same_for_all, *arrays)
+    directions = np.ascontiguousarray(directions)
+    _derivatives.differentiate(law, n, count, same_for_all, inputs, directions, jacobian, smoothness)
     jacobian[..., ~IS_ANSWER[result.status]] = np.nan
     return BatchDerivatives(result, jacobian, smoothness)
 

@@ -70,6 +70,11 @@ class ContactRows(NamedTuple):
     height: int
 
 
+def widths_of(fields: dict[str, list[str]]) -> dict[str, int]:
+    """Return the number of components of each field."""
+    return {name: len(axes) for name, axes in fields.items()}
+
+
 def slices_of(widths: dict[str, int]) -> dict[str, slice]:
     """Return the slices that quantities of these widths occupy, one after the other."""
     ends = accumulate(widths.values())
@@ -82,18 +87,21 @@ class Layout(Enum):
     The value lists the fields of a body, then those of a contact, each with its components.
     """
 
-    POINT = ("mass velocity=xyz", "normal=xyz")
-    PLANAR = ("mass inertia=zz position=xy velocity=xy angular_velocity=z", "position=xy normal=xy")
-    SPATIAL = ("mass inertia=all position=xyz velocity=xyz angular_velocity=xyz", "position=xyz normal=xyz")
-    SPATIAL_ORIENTED = (
-        "mass inertia=all position=xyz velocity=xyz angular_velocity=xyz orientation=xyzw",
-        "position=xyz normal=xyz",
+    POINT = ("mass velocity=xyz", "normal=xyz restitution friction")
+    PLANAR = (
+        "mass inertia=zz position=xy velocity=xy angular_velocity=z",
+        "position=xy normal=xy restitution friction",
     )
+    SPATIAL = (
+        "mass inertia=all position=xyz velocity=xyz angular_velocity=xyz",
+        "position=xyz normal=xyz restitution friction",
+    )
+    SPATIAL_ORIENTED = (f"{SPATIAL[0]} orientation=xyzw", SPATIAL[1])
     EVERYTHING = (
         "mass inertia=all position=xyz orientation=xyzw velocity=xyz angular_velocity=xyz com=xyz",
-        "position=xyz normal=xyz",
+        SPATIAL[1],
     )
-    ARTICULATED = (EVERYTHING[0], EVERYTHING[1], "inverse_inertia")
+    ARTICULATED = (*EVERYTHING, "inverse_inertia")
     """EVERYTHING, followed by the inverse inertia of both bodies, which is 0 for a rigid body."""
 
     @property
@@ -124,15 +132,14 @@ class Layout(Enum):
     @cached_property
     def bodies(self) -> BodyRows:
         """The rows of a table of bodies."""
-        slices = slices_of({name: len(axes) for name, axes in self.body_fields.items()})
+        slices = slices_of(widths_of(self.body_fields))
         rows = (slices.get(field, NO_ROWS) for field in BodyRows._fields[:-1])
         return BodyRows._make([*rows, len(names_of_body(self))])
 
     @cached_property
     def contacts(self) -> ContactRows:
         """The rows of a table of contacts."""
-        widths = {name: len(axes) for name, axes in self.contact_fields.items()}
-        slices = slices_of({**widths, "restitution": 1, "friction": 1})
+        slices = slices_of(widths_of(self.contact_fields))
         rows = (slices.get(field, NO_ROWS) for field in ContactRows._fields[:-2])
         return ContactRows._make([*rows, *[len(names_of_contact(self))] * 2])
 
@@ -144,14 +151,13 @@ def _parsed_fields(text: str) -> dict[str, list[str]]:
 
 
 def names_of_body(layout: Layout) -> list[str]:
-    """Names of the numbers of one body, in order: field and component, such as ``position.x``."""
+    """Names of the numbers of one body, in order: field and component, as in ``position.x`` and ``mass.``."""
     return [f"{name}.{axis}" for name, axes in layout.body_fields.items() for axis in axes]
 
 
 def names_of_contact(layout: Layout) -> list[str]:
     """Names of the numbers of a contact, in order."""
-    names = [f"{name}.{axis}" for name, axes in layout.contact_fields.items() for axis in axes]
-    return [*names, "restitution.", "friction."]
+    return [f"{name}.{axis}" for name, axes in layout.contact_fields.items() for axis in axes]
 
 
 def rows_in_everything(layout: Layout) -> tuple[list[int], list[int]]:

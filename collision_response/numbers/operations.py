@@ -176,10 +176,7 @@ def called(formula: Callable[..., T], *arguments: Any) -> T:
     Use it for a formula that is large and rarely needed. The arguments and the result are named tuples of
     numbers.
     """
-    first = arguments[0]
-    while isinstance(first, tuple):
-        first = first[0]
-    own = getattr(first, "called", None)
+    own = getattr(next(numbers_in(arguments)), "called", None)
     return formula(*arguments) if own is None else own(formula, arguments)
 
 

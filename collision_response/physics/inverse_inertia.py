@@ -25,7 +25,7 @@ from ..arguments import is_finite, real_number
 from ..numbers.operations import Condition, Scalar, all_of, choose, maximum, negation, or_one, square_root
 from ..status import ImpactError, StatusCode, format_value
 from .tensor import Symmetric3
-from .vector import Vec3
+from .vector import AXES, Vec3
 
 ROUNDING = 2.0**-40
 """A pivot of at most this part of its diagonal entry is rounding of the computation that made the matrix."""
@@ -116,7 +116,7 @@ class InverseInertia(NamedTuple):
             linear, angular = self.twist_change(d, axis)
             return linear + angular.cross(d)
 
-        x, y, z = column(Vec3(1, 0, 0)), column(Vec3(0, 1, 0)), column(Vec3(0, 0, 1))
+        x, y, z = map(column, AXES)
         return Symmetric3(x.x, y.x, z.x, y.y, z.y, z.z)
 
     def is_semi_definite(self) -> Condition:

@@ -15,7 +15,7 @@ import math
 from typing import NamedTuple
 
 from ..numbers.operations import Condition, Scalar, all_zero, choose, negation
-from .vector import Vec3
+from .vector import AXES, Vec3
 
 
 class Rotation(NamedTuple):
@@ -85,5 +85,5 @@ class Quaternion(NamedTuple):
         )
 
 
-ALIGNED = Rotation(Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1), False)
+ALIGNED = Rotation(*AXES, False)
 """Body axes parallel to the world axes."""

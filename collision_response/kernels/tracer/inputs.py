@@ -9,8 +9,8 @@ from ...physics.contact import Contact
 from ...physics.inverse_inertia import InverseInertia
 from ...physics.laws import Settings
 from ...physics.orientation import Quaternion
-from ...physics.tensor import ZERO_TENSOR, Symmetric3
-from ...physics.vector import ZERO, Vec3
+from ...physics.tensor import Symmetric3
+from ...physics.vector import Vec3
 from ..layout import Layout, names_of_inputs
 from .symbol import Tape
 
@@ -44,7 +44,7 @@ def kernel_inputs(layout: Layout, tape: Tape) -> KernelInputs:
 
     def body(owner: str) -> Body:
         has = layout.body_fields
-        inertia = Symmetric3(*read(owner, "inertia", Symmetric3._fields)) if "inertia" in has else ZERO_TENSOR
+        inertia = Symmetric3(*read(owner, "inertia", Symmetric3._fields))
         if has.get("inertia") == ["zz"]:  # the only moment that a planar impact depends on
             inertia = inertia._replace(xx=inertia.zz, yy=inertia.zz)
         return Body(
@@ -54,7 +54,7 @@ def kernel_inputs(layout: Layout, tape: Tape) -> KernelInputs:
             Quaternion(*read(owner, "orientation", "xyzw")) if "orientation" in has else None,
             vector(owner, "velocity"),
             vector(owner, "angular_velocity"),
-            vector(owner, "com") if "com" in has else ZERO,
+            vector(owner, "com"),
             InverseInertia(*read(owner, "inverse_inertia", InverseInertia._fields))
             if layout is Layout.ARTICULATED
             else None,
