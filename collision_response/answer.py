@@ -141,6 +141,11 @@ def make_impact(
     )
 
 
+def status_by_regime(regime: Regime) -> StatusCode:
+    """Return the status of an answer that meets the tolerance: OK, or SEPARATING."""
+    return StatusCode.SEPARATING if regime is Regime.SEPARATING else StatusCode.OK
+
+
 def relative_difference(impact: Impact, other: Impact, body_a: Body, body_b: Body) -> float:
     """Return how far an answer is from another one, in the norms of ``error_bound``; infinite if unknown.
 

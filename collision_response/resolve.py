@@ -21,7 +21,7 @@ from functools import lru_cache
 from typing import Any, NoReturn
 
 from . import validity
-from .answer import Impact, relative_difference
+from .answer import Impact, relative_difference, status_by_regime
 from .arguments import check_number
 from .geometry import reduce_body, reduce_contact
 from .in_python import arbitrary_precision, exact_fractions, friction_along_path
@@ -44,7 +44,7 @@ from .model import (
 )
 from .physics.body import Body, Twist
 from .physics.contact import Contact
-from .physics.laws import BY_SPEED, Law, Regime
+from .physics.laws import BY_SPEED, Law
 from .status import ImpactError, StatusCode
 
 
@@ -119,8 +119,7 @@ def _resolve_more_exactly(
         if more is not None and (answer is None or not answer.error_bound < more.error_bound):
             return more
     if answer is None:
-        automatic = model._replace(precision=Precision.AUTO)
-        if plan.last_precision is plan_model(automatic).last_precision:
+        if plan.last_precision is Precision.EXTENDED:
             raise library.refusal(StatusCode.OUT_OF_RANGE)
         reason = f"{model.precision.name} leaves no digit of the answer: ask for AUTO or EXTENDED"
         raise ImpactError(StatusCode.OUT_OF_RANGE, "model.precision", reason)
@@ -129,8 +128,7 @@ def _resolve_more_exactly(
     if not answer.error_bound <= plan.bound_limit:
         return answer._replace(status=StatusCode.TOLERANCE_NOT_MET)
     # The kernels aimed at plan.target_bound, which may be lower.
-    is_separating = answer.regime is Regime.SEPARATING
-    return answer._replace(status=StatusCode.SEPARATING if is_separating else StatusCode.OK)
+    return answer._replace(status=status_by_regime(answer.regime))
 
 
 def _with_finest_steps(
@@ -247,7 +245,7 @@ def _resolve_reduced(body_a: Body, body_b: Body, contact: Contact, model: Impact
     reduced_a, reduced_b = (reduce_body(body, geometry) for body in (body_a, body_b))
     reduced = resolve(reduced_a, reduced_b, reduce_contact(contact, geometry), model)
     left_out, unknown = relative_difference(reduced, full, body_a, body_b), full.error_bound
-    # Relative to the exact answer, which may be smaller than that of `full`.
+    # Relative to the exact answer, which may be smaller than that of `full`; 2^-40 is more than rounding.
     left_out = (left_out + unknown) / (1 - unknown) * (1 + 2.0**-40) if unknown < 1 else math.inf
     bound = max(reduced.error_bound, left_out)
     if isinstance(reduced.impulse.x, Fraction):  # the difference was taken in floats

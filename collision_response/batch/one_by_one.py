@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..answer import Impact
+from ..answer import Impact, status_by_regime
 from ..kernels import library
 from ..model import ImpactModel, Precision
 from ..physics.body import Body
@@ -73,8 +73,7 @@ def _write_impact(out: BatchResult, i: int, impact: Impact) -> None:
         raise library.refusal(StatusCode.OUT_OF_RANGE)
     if out.precision is None:
         if impact.status is StatusCode.TOLERANCE_NOT_MET:  # a batch without bounds does not report that
-            is_separating = impact.regime == impact.regime.SEPARATING
-            out.status[i] = StatusCode.SEPARATING if is_separating else StatusCode.OK
+            out.status[i] = status_by_regime(impact.regime)
     else:
         out.error_bound[i], out.precision[i] = impact.error_bound, impact.model.precision
 

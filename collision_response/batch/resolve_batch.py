@@ -210,7 +210,7 @@ def _follow_finest_steps(request: BatchRequest, out: BatchResult, workers: int) 
         return
     again = request.select(columns)
     again = BatchRequest.of(again.bodies, again.contacts, finest, None)
-    finer = out.mapped(lambda array: np.empty((*array.shape[:-1], columns.size), array.dtype))
+    finer = _empty_result(out, columns.size)
     yield from resolve_with_pauses(again, finer, workers)
     better = finer.error_bound < out.error_bound[columns]
     finer.status[:] = out.status[columns]  # whether the bodies separate does not depend on the steps
@@ -221,11 +221,16 @@ def _compute_extended(request: BatchRequest, out: BatchResult, columns: Array, w
     """Compute contacts in double-doubles, and return those that need still more digits."""
     is_out_of_range = out.status[columns] == StatusCode.OUT_OF_RANGE  # double-doubles have the same range
     inexact, out_of_range = columns[~is_out_of_range], columns[is_out_of_range]
-    refined = out.mapped(lambda array: np.empty((*array.shape[:-1], inexact.size), array.dtype))
+    refined = _empty_result(out, inexact.size)
     _run(request.select(inexact), NumberType.EXTENDED, refined, workers, 0, inexact.size)
     refined.precision[:] = Precision.EXTENDED
     _copy(refined, out, inexact)
     return np.concatenate([inexact[_inexact(refined, request.plan.model_plan.target_bound)], out_of_range])
+
+
+def _empty_result(like: BatchResult, n: int) -> BatchResult:
+    """Return room for the results of ``n`` contacts, with the fields of another result."""
+    return like.mapped(lambda array: np.empty((*array.shape[:-1], n), array.dtype))
 
 
 def _inexact(out: BatchResult, limit: float) -> Array:

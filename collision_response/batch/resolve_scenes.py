@@ -24,6 +24,7 @@ by itself. So one table holds many scenes. An immovable body, such as a floor, m
 from __future__ import annotations
 
 import math
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -234,18 +235,18 @@ def _resolve_in_python(
     """Resolve one cluster by ``resolve_scene``."""
     model, bodies, pairs = request.plan.model, request.bodies, request.pairs
     assert pairs is not None
-    columns, first, inverse = np.unique(pairs[:, contacts].T.ravel(), return_index=True, return_inverse=True)
-    if columns[0] < 0 or columns[-1] >= bodies.shape[1]:
+    own_pairs = pairs[:, contacts].T.tolist()
+    columns = list(dict.fromkeys(chain(*own_pairs)))  # bodies in the order in which contacts name them
+    if min(columns) < 0 or max(columns) >= bodies.shape[1]:
         result.status[cluster] = StatusCode.UNKNOWN_BODY
         return
-    order = np.argsort(first)  # bodies in the order in which contacts name them
-    columns, scene_pairs = columns[order], np.argsort(order)[inverse].reshape(-1, 2)
+    place = {column: i for i, column in enumerate(columns)}
     rows, contact_rows = request.plan.layout.bodies, request.plan.layout.contacts
-    movable = columns[bodies[0, columns] < np.inf]
+    movable = [i for i in columns if bodies[0, i] < np.inf]
     try:
         answer = resolve_scene(
-            [body_of(rows, bodies[:, i]) for i in columns.tolist()],
-            [(a, b) for a, b in scene_pairs.tolist()],
+            [body_of(rows, bodies[:, i]) for i in columns],
+            [(place[a], place[b]) for a, b in own_pairs],
             [contact_of(contact_rows, request.contacts[:, i]) for i in contacts.tolist()],
             model,
             threshold=threshold,
@@ -255,11 +256,11 @@ def _resolve_in_python(
         if error.code is not StatusCode.SAME_BODY:
             result.velocity[:, movable] = result.angular_velocity[:, movable] = np.nan
         return
-    twists = dict(zip(columns.tolist(), answer.twists, strict=True))
     linear, angular = len(result.velocity), len(result.angular_velocity)
-    for i in movable.tolist():
-        result.velocity[:, i] = twists[i].linear[:linear]
-        result.angular_velocity[:, i] = twists[i].angular[3 - angular :]
+    for i in movable:
+        twist = answer.twists[place[i]]
+        result.velocity[:, i] = twist.linear[:linear]
+        result.angular_velocity[:, i] = twist.angular[3 - angular :]
     result.impulse[:, contacts] = np.array([impulse[:linear] for impulse in answer.impulses]).T
     result.regime[contacts] = answer.regimes
     for field in ("status", "error_bound", "decision_margin", *ENERGIES):

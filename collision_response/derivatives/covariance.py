@@ -31,6 +31,7 @@ from ..physics.orientation import Quaternion
 from ..physics.vector import Vec3
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
+from .differentiate import Smoothness
 from .saltation import (
     COEFFICIENTS,
     POSES,
@@ -39,7 +40,6 @@ from .saltation import (
     LinearisedImpact,
     as_finite_array,
     check_finite,
-    is_nonsmooth,
     linearise,
 )
 from .surfaces import SurfaceMotion, Surfaces, unit_normal
@@ -130,7 +130,8 @@ def propagate_covariance(
     has_one_behaviour = (len(regimes) == 1 or differ.isdisjoint(regimes)) and not _slides_back(likely)
     may_jump = _has_jump(likely, has_restitution=contact.restitution > 0 or restitution_sd > 0)
     certain = [name for name, sd in zip(COEFFICIENTS, deviations[:2], strict=True) if sd == 0]
-    is_smooth = not is_nonsmooth(linearised.derivatives, without=certain)
+    used = [linearised.derivatives.smoothness[part] for name, part in columns.items() if name not in certain]
+    is_smooth = all((smoothness == Smoothness.SMOOTH).all() for smoothness in used)
     return CovarianceAfter(after, regimes, has_one_behaviour and is_smooth and not may_jump)
 
 

@@ -21,7 +21,7 @@ Proc. IEEE 112 (2024).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,7 +37,7 @@ from ..physics.laws import Regime
 from ..physics.vector import Vec3, as_vector
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
-from .differentiate import Derivatives, Smoothness, check_coefficients, differentiate
+from .differentiate import Derivatives, check_coefficients, differentiate
 from .surfaces import SurfaceMotion, Surfaces, unit_normal
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.80665)
@@ -173,12 +173,6 @@ def as_finite_array(value: Any, shape: tuple[int, ...]) -> Array | None:
     except (OverflowError, TypeError, ValueError):
         return None
     return array if array.shape == shape and np.isfinite(array).all() else None
-
-
-def is_nonsmooth(derivatives: Derivatives, without: Sequence[str] = ()) -> bool:
-    """Whether a derivative, except those by the parameters ``without``, is taken at a kink or a jump."""
-    used = [columns for name, columns in derivatives.columns.items() if name not in without]
-    return any((derivatives.smoothness[columns] != Smoothness.SMOOTH).any() for columns in used)
 
 
 def _surface_motion(

@@ -68,7 +68,7 @@ def point_on_plane(body_a: Body, body_b: Body, contact: Contact) -> SurfaceMotio
 
 def corner_on_plane(body_a: Body, body_b: Body, contact: Contact) -> SurfaceMotion:
     """Return the motion for a corner of body_a, at the contact point, on a plane of body_b."""
-    return sphere_on_plane(0.0)(body_a, body_b, contact)
+    return _sphere_on_plane(0.0, body_a, body_b, contact)
 
 
 def sphere_on_plane(radius: float) -> Surfaces:

@@ -92,7 +92,7 @@ def _answer_and_bound(
     changes, errors = (bounded_vectors(bodies, x) for x in (answer.changes, answer.estimated_error))
     for pair in zip(changes, errors, strict=True):
         size, error = (sum((weight * x) ** 2 for x, weight in components) for components in pair)
-        if error > 0 and error * 16 >= size:
+        if error > 0 and error * 16 >= size:  # squares: SAFETY times the ratio is at least 1
             return answer, math.inf
         worst = max(worst, math.sqrt(error / size) if size else 0.0)
     return answer, SAFETY * worst + ADDED_TOLERANCES * path_tolerance(settings.tolerance)
