@@ -30,7 +30,7 @@ from collision_response.kernels.tracer.emit import emit
 from collision_response.kernels.tracer.headers import FALLBACK_ARGUMENTS
 from collision_response.kernels.tracer.inputs import kernel_inputs
 from collision_response.kernels.tracer.simd_pairs import PAIR, pair_bodies
-from collision_response.kernels.tracer.symbol import Loop, Node, Tape, rebuilt
+from collision_response.kernels.tracer.symbol import Loop, Node, Tape
 from collision_response.model import plan_model
 from collision_response.numbers.operations import (
     certain,
@@ -42,6 +42,7 @@ from collision_response.numbers.operations import (
     minimum,
     negation,
     numbers_in,
+    rebuilt,
     square_root,
     varying_as,
     widened,

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from functools import reduce
 from importlib import import_module
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar, cast
 
 Scalar: TypeAlias = Any
 """A real number of any type, or an array of them."""
@@ -41,7 +41,9 @@ def choose(condition: Condition, if_true: Callable[[], T], if_false: Callable[[]
     if _is_plain(condition):
         return if_true() if condition else if_false()
     pick = getattr(condition, "pick", None) or _where_of(condition)
-    return _merge(pick, condition, if_true(), if_false())
+    first, second = if_true(), if_false()
+    pairs = zip(numbers_in(first), numbers_in(second), strict=True)
+    return cast("T", rebuilt(first, (pick(condition, *pair) for pair in pairs)))
 
 
 def square_root(x: Scalar) -> Scalar:
@@ -275,23 +277,21 @@ def _where_of(condition: Any) -> Callable[..., Any]:
     return where
 
 
-def _merge(pick: Callable[..., Any], condition: Any, if_true: Any, if_false: Any) -> Any:
-    if isinstance(if_true, tuple):
-        parts = zip(if_true, if_false, strict=True)
-        merged = (_merge(pick, condition, t, f) for t, f in parts)
-        return type(if_true)(*merged) if hasattr(if_true, "_fields") else tuple(merged)
-    return pick(condition, if_true, if_false)
-
-
 def map_numbers(function: Callable[[Any], Any], value: Any) -> Any:
-    """Return nested named tuples with ``function`` applied to every number."""
+    """Return nested tuples with ``function`` applied to every number."""
+    return rebuilt(value, map(function, numbers_in(value)))
+
+
+def rebuilt(value: Any, numbers: Iterator[Any]) -> Any:
+    """Return nested tuples of the structure of ``value``, filled with other numbers in order."""
     if isinstance(value, tuple):
-        return type(value)(*(map_numbers(function, part) for part in value))
-    return function(value)
+        parts = [rebuilt(part, numbers) for part in value]
+        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+    return next(numbers)
 
 
 def numbers_in(value: Any) -> Iterator[Any]:
-    """Yield every number of nested named tuples."""
+    """Yield every number of nested tuples."""
     if isinstance(value, tuple):
         for part in value:
             yield from numbers_in(part)

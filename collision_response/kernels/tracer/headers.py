@@ -8,7 +8,7 @@ from typing import Any
 
 from ... import geometry, validity
 from ...impact import Changes, evaluate_law, impact
-from ...numbers.operations import choose, numbers_in, square_root
+from ...numbers.operations import choose, numbers_in, rebuilt, square_root
 from ...physics.column import Column
 from ...physics.effective_mass import BodyAtContact, ContactKinematics, ContactNumbers
 from ...physics.energy import kinetic_energy
@@ -23,7 +23,7 @@ from .constants import FORMULAS, LAW_ARGUMENTS, constants, offsets
 from .emit import emit
 from .inputs import kernel_inputs
 from .simd_pairs import pair_bodies
-from .symbol import CONDITIONS, Node, Symbol, Tape, rebuilt
+from .symbol import CONDITIONS, Node, Symbol, Tape
 
 GENERAL = (Layout.EVERYTHING, Layout.ARTICULATED)
 """The layouts that one impact is computed in. The others serve batches only."""

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Hashable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable
 from itertools import count
 from typing import Any, NamedTuple
 
-from ...numbers.operations import numbers_in
+from ...numbers.operations import numbers_in, rebuilt
 
 CONDITIONS = frozenset({"truth", "lt", "le", "eq", "and", "or", "not"})
 """The operations whose result is a truth value."""
@@ -308,13 +308,6 @@ class Symbol:
 
     def __bool__(self) -> bool:
         raise TypeError("a symbol has no truth value yet: branch with choose()")
-
-
-def rebuilt(value: Any, numbers: Iterator[Any]) -> Any:
-    """Return nested named tuples of the structure of ``value``, filled with other numbers in order."""
-    if isinstance(value, tuple):
-        return type(value)(*[rebuilt(part, numbers) for part in value])
-    return next(numbers)
 
 
 def _ordered(op: str, args: Iterable[int]) -> tuple[int, ...]:
