@@ -24,7 +24,7 @@ from collision_response import Geometry, ImpactError, ImpactModel, Law, Precisio
 from collision_response.impact import ImpactNumbers, impact
 from collision_response.kernels.layout import Layout, names_of_body
 from collision_response.kernels.tracer import headers, trace
-from collision_response.kernels.tracer.branches import BRANCHES
+from collision_response.kernels.tracer.branches import LEAST_SAVING
 from collision_response.kernels.tracer.constants import FORMULAS
 from collision_response.kernels.tracer.emit import emit
 from collision_response.kernels.tracer.headers import FALLBACK_ARGUMENTS
@@ -410,7 +410,7 @@ def library(tmp_path_factory) -> ctypes.CDLL:
         result = tape.symbol(formula(*inputs))
         truth = tape.symbol(inputs[0] < inputs[1])
         straight = emit(f"{name}_straight", ["x", "y"], [result], [result], [truth], [truth])
-        branched = emit(name, ["x", "y"], [result], [result], [truth], [truth], branches=BRANCHES)
+        branched = emit(name, ["x", "y"], [result], [result], [truth], [truth], least_saving=LEAST_SAVING)
         assert ("if (may_be_true" in branched) is (name == "branches")
         source += straight + branched
         for (kind, number), way in product(types.items(), ("", "_straight")):
@@ -489,7 +489,7 @@ def derivatives(tmp_path_factory) -> ctypes.CDLL:
         tape = Tape(of_derivatives=True)
         result = tape.symbol(compute(formula, tape.input("x"), tape.input("y")))
         assert any(node.op == "loop" for node in tape.nodes) is (way == "loop")
-        source += emit(f"{way}_{i}", ["x", "y"], [result], branches=BRANCHES)
+        source += emit(f"{way}_{i}", ["x", "y"], [result], least_saving=LEAST_SAVING)
         source += f"""
 extern "C" void derive_{way}_{i}(double x, double y, double* to) {{
   N in[2] = {{{{{{x, 0}}}}, {{{{y, 0}}}}}}, bounded[1];

@@ -16,24 +16,24 @@ Guard: TypeAlias = frozenset[tuple[int, bool]]
 
 ALWAYS: Guard = frozenset()
 
-BRANCHES = 12
+LEAST_SAVING = 12
 """How many additions an ``if`` must save to be worth it."""
 
-BRANCHES_OF_PLAIN_NUMBERS = 80
+LEAST_SAVING_IN_VECTORS = 80
 """The same for kernels that run on vectors of plain numbers only: additions are cheap there, and the lanes of
 a vector rarely all take the same branch."""
 
 
 def compute_guards(
-    tape: Tape, needed: Iterable[int], results: Iterable[int], branches: int = BRANCHES
+    tape: Tape, needed: Iterable[int], results: Iterable[int], least_saving: int = LEAST_SAVING
 ) -> dict[int, Guard]:
-    """Find when each operation is needed, by conditions that save at least ``branches`` additions.
+    """Find when each operation is needed, by conditions that save at least ``least_saving`` additions.
 
     Args:
         tape: the tape.
         needed: the operations.
         results: those of them that are always needed.
-        branches: how many additions an ``if`` must save to be written.
+        least_saving: how many additions an ``if`` must save to be written.
     """
     guards: dict[int, Guard] = dict.fromkeys(results, ALWAYS)
 
@@ -54,7 +54,7 @@ def compute_guards(
     for index, guard in guards.items():
         for literal in guard:
             saved[literal] = saved.get(literal, 0) + _WEIGHTS.get(tape.nodes[index].op, 1)
-    return {index: frozenset(x for x in guard if saved[x] >= branches) for index, guard in guards.items()}
+    return {index: frozenset(x for x in guard if saved[x] >= least_saving) for index, guard in guards.items()}
 
 
 _WEIGHTS = {"div": 6, "sqrt": 6, "loop": 100, "call": 100}

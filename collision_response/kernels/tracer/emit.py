@@ -39,7 +39,7 @@ def emit(
     certainties: Iterable[Symbol] = (),
     *,
     rounded_last: int = 0,
-    branches: int | None = None,
+    least_saving: int | None = None,
 ) -> str:
     """Return the C++ function template ``name<N>(in, bounded, reported, flags)``.
 
@@ -54,7 +54,7 @@ def emit(
         certainties: conditions to write after the flags, as true only if their errors leave no doubt.
         rounded_last: how many reported results, from the first on, are rounded only at the end. The others
             are computed from rounded numbers, which takes less time.
-        branches: how many additions an ``if`` must save to be written. By default no ``if`` is written.
+        least_saving: how many additions an ``if`` must save to be written. By default no ``if`` is written.
     """
     bounded, reported, flags, certainties = map(list, (bounded, reported, flags, certainties))
     tape = (bounded + reported + flags)[0].tape
@@ -62,7 +62,8 @@ def emit(
     wanted += [(x.index, CppType.VALUE) for x in reported[:rounded_last]]
     wanted += [(x.index, CppType.REPORT) for x in [*reported[rounded_last:], *flags]]
     types = needed_types(tape, wanted)
-    guards = {} if branches is None else compute_guards(tape, types, {index for index, _ in wanted}, branches)
+    results = {index for index, _ in wanted}
+    guards = {} if least_saving is None else compute_guards(tape, types, results, least_saving)
     writer = _TapeWriter(tape, types, "t", {name: i for i, name in enumerate(inputs)}, None, guards)
     lines = list(writer.lines())
     lines += [f"bounded[{i}] = {writer.use(x.index, CppType.BOUNDED)};" for i, x in enumerate(bounded)]

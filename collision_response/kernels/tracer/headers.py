@@ -18,7 +18,7 @@ from ...physics.tensor import ZERO_TENSOR
 from ...physics.vector import Vec3
 from ..layout import Layout, names_of_body
 from ..protocol import ValidityFlag
-from .branches import BRANCHES, BRANCHES_OF_PLAIN_NUMBERS
+from .branches import LEAST_SAVING, LEAST_SAVING_IN_VECTORS
 from .constants import FORMULAS, LAW_ARGUMENTS, constants, offsets
 from .emit import emit
 from .inputs import kernel_inputs
@@ -75,12 +75,12 @@ def impact_header(law: Law, layout: Layout) -> str:
     *flags, unphysical = tape.symbols(answer.flags)
     results = tape.symbols(answer.changes), tape.symbols(answer.report), flags, [unphysical]
     is_general = layout in GENERAL
-    branches = BRANCHES if is_general else BRANCHES_OF_PLAIN_NUMBERS
+    least_saving = LEAST_SAVING if is_general else LEAST_SAVING_IN_VECTORS
     twists = len(tape.symbols(answer.report[:2]))  # next to a change of like size, they lose digits
-    text = emit("impact", given.names, *results, rounded_last=twists, branches=branches)
+    text = emit("impact", given.names, *results, rounded_last=twists, least_saving=least_saving)
     if is_general:
         paired = pair_bodies(results)
-        text += emit("impact_in_pairs", given.names, *paired, rounded_last=twists, branches=BRANCHES)
+        text += emit("impact_in_pairs", given.names, *paired, rounded_last=twists, least_saving=LEAST_SAVING)
     return text
 
 
@@ -113,7 +113,7 @@ def impulse_header(law: Law) -> str:
     tape = Tape(of_derivatives=True)
     inputs, (seen, coefficients) = _traced_arguments(tape, *LAW_ARGUMENTS)
     impulse = evaluate_law(seen, coefficients, law).impulse
-    return emit("impulse", inputs, tape.symbols(impulse), branches=BRANCHES)
+    return emit("impulse", inputs, tape.symbols(impulse), least_saving=LEAST_SAVING)
 
 
 def changes_header() -> str:
@@ -126,7 +126,7 @@ def changes_header() -> str:
     law = tape.add(Node("law", tuple(x.index for x in tape.symbols(seen)))).index
     impulse = Vec3(*(tape.add(Node("part", (law,), i)) for i in range(3)))
     changes = Changes(impulse, *contact.twist_changes(impulse))
-    return emit("changes", given.names, tape.symbols(changes), branches=BRANCHES)
+    return emit("changes", given.names, tape.symbols(changes), least_saving=LEAST_SAVING)
 
 
 FALLBACK_ARGUMENTS = LAW_ARGUMENTS[0]._replace(regularized_K=ZERO_TENSOR), LAW_ARGUMENTS[1]
@@ -137,7 +137,7 @@ def fallback_header() -> str:
     """The law that others fall back to where they have no sound answer: a function that kernels call."""
     tape = Tape()
     inputs, arguments = _traced_arguments(tape, *FALLBACK_ARGUMENTS)
-    return emit("fallback", inputs, tape.symbols(fallback(*arguments)), branches=BRANCHES)
+    return emit("fallback", inputs, tape.symbols(fallback(*arguments)), least_saving=LEAST_SAVING)
 
 
 def column_header() -> str:

@@ -169,7 +169,7 @@ class Tape:
 
 def apply(op: str, *operands: Any) -> Symbol:
     """Apply an operation: simplify it, or add it to the innermost tape of its operands."""
-    tape = max((x.tape for x in operands if isinstance(x, Symbol)), key=lambda tape: tape.depth)
+    tape = _innermost_tape(operands)
     args = [tape.symbol(operand) for operand in operands]
     if op in _ON_CONSTANTS and all(arg.is_constant for arg in args):
         return tape.symbol(_ON_CONSTANTS[op](*(arg.node.value for arg in args)))
@@ -177,6 +177,10 @@ def apply(op: str, *operands: Any) -> Symbol:
     if simpler is not None:
         return tape.symbol(simpler)
     return tape.add(Node(op, tuple(arg.index for arg in args)))
+
+
+def _innermost_tape(operands: Iterable[Any]) -> Tape:
+    return max((x.tape for x in operands if isinstance(x, Symbol)), key=lambda tape: tape.depth)
 
 
 def _binary(op: str) -> Callable[[Symbol, Any], Symbol]:
@@ -272,7 +276,7 @@ class Symbol:
         if self.is_constant and not self.node.value:
             return state
         initial: list[Any] = list(numbers_in(state))
-        tape = max((x.tape for x in [self, *initial] if isinstance(x, Symbol)), key=lambda tape: tape.depth)
+        tape = _innermost_tape([self, *initial])
         body = Tape(parent=tape)
         inside = rebuilt(state, (body.add(Node("state", (), i)) for i in range(len(initial))))
         condition = body.symbol(going(inside)).index
