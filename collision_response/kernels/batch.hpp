@@ -4,7 +4,6 @@
 #include "numbers.hpp"
 #include "constants.hpp"
 
-enum { ROWS = 2 * BODY + CONTACT + MODEL };
 enum { ENERGIES = OUT_ENERGY_LOST_FRICTION - OUT_KINETIC_ENERGY_BEFORE + 1 };
 
 // The rows of inputs and results, all of float or all of double. A result that is not wanted is null.
@@ -12,8 +11,8 @@ struct Batch {
   // The places of the results: those of velocities are by axis and body. Energies are wanted if regimes are.
   enum { VELOCITY, ANGULAR_VELOCITY = 6, IMPULSE = 12, ERROR_BOUND = 15, ENERGY, RESULTS = ENERGY + ENERGIES };
 
-  const void* row[ROWS];  // inputs, in the order of the layout
-  bool is_shared[ROWS];  // whether a row is one number for all impacts
+  const void* row[INPUTS];  // in the order of the layout
+  bool is_shared[INPUTS];  // whether a row is one number for all impacts
   void* result[RESULTS];
   unsigned char *status, *regime, *adjustments;  // adjustments are wanted if regimes are
 };
@@ -21,8 +20,6 @@ using BatchKernel = void (*)(const Batch& batch, long from, long to);
 
 // How many columns ahead the rows are fetched: there are more rows than a processor fetches ahead by itself.
 constexpr long AHEAD = 16;
-
-constexpr int CACHE_LINE = 64;  // bytes
 
 #define UNROLLED _Pragma("GCC unroll 64")
 
@@ -52,8 +49,8 @@ INLINE T find_fault(const T* x) {
   clearly_valid(x, nullptr, nullptr, &sound);
   if (!any(negation(sound))) return T{};
   T fault;
-  Mask<T> shapes[5];
-  validity(x, nullptr, &fault, shapes);
+  Mask<T> flags[VALIDITY_FLAGS];
+  validity(x, nullptr, &fault, flags);
   return fault;
 }
 

@@ -33,12 +33,11 @@ struct ContactPairs {
       column[1][k] = is_known(b[from + k]) ? b[from + k] : 0;
       any_fault |= fault(from + k) != 0;
     }
-    for (int row = 0; row < (bodies ? rows : 0); ++row)
+    if (!bodies) std::fill_n(gathered, 2 * rows * GATHER_BLOCK, T(NAN));
+    for (int row = 0; bodies && row < rows; ++row)
       for (int side = 0; side < 2; ++side)
         for (long k = 0; k < count; ++k)
           gathered[(2 * row + side) * GATHER_BLOCK + k] = table[row * bodies + column[side][k]];
-    for (int row = 0; row < (bodies ? 0 : rows); ++row)
-      std::fill_n(gathered + 2 * row * GATHER_BLOCK, 2 * GATHER_BLOCK, T(NAN));
     for (long k = 0; any_fault && k < count; ++k)
       if (fault(from + k)) gathered[k] = gathered[GATHER_BLOCK + k] = T(NAN);
     return any_fault;

@@ -9,6 +9,8 @@ namespace {
 const double zero_double = 0, one_double = 1;
 const float zero_float = 0, one_float = 1;
 
+constexpr int CACHE_LINE = 64;  // bytes
+
 // The fields of BatchResult.
 enum {
   VELOCITY,
@@ -26,7 +28,7 @@ enum {
 // The batch from a column on. Its bodies have been gathered, so their rows stay.
 Batch from_column(const Batch& batch, int body_rows, long at, int size) {
   Batch moved = batch;
-  for (int i = body_rows; i < ROWS; ++i)
+  for (int i = body_rows; i < INPUTS; ++i)
     if (!moved.is_shared[i]) moved.row[i] = static_cast<const char*>(moved.row[i]) + at * size;
   for (void*& result : moved.result)
     if (result) result = static_cast<char*>(result) + at * size;

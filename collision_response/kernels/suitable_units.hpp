@@ -18,19 +18,14 @@ static void impact_in_other_units(ImpactKernel kernel, bool articulated, const d
   for (int i = 0; i < REPORTED; ++i) Units::scale(result.reported[i], no_error, -units.power_of(reported_units[i]));
 }
 
-// Whether an intermediate square or product may have left the range of floats.
-static inline bool is_extreme(const ImpactResult& result, bool single) {
-  double limit = single ? 0x1p40 : 0x1p400;
+// Whether an intermediate square or product may have left the range of floats. Of the square of the normal, the numbers
+// of separating bodies do not show that.
+static inline bool is_extreme(const double* input, const ImpactResult& result, bool single) {
+  const double limit = single ? 0x1p40 : 0x1p400, *n = input + IN_CONTACT + CONTACT_NORMAL_X;
   auto is_out = [limit](double x) { return x != 0 && !(std::fabs(x) > 1 / limit && std::fabs(x) < limit); };
   return is_out(result.reported[OUT_NORMAL_IMPULSE]) || is_out(result.reported[OUT_NORMAL_VELOCITY_BEFORE]) ||
-         is_out(result.reported[OUT_KINETIC_ENERGY_BEFORE]) || is_out(result.reported[OUT_EFFECTIVE_MASS]);
-}
-
-// Whether the square of the normal may leave the range of floats, which the numbers of separating bodies do not show.
-static inline bool has_extreme_normal(const double* input, bool single) {
-  const double limit = single ? 0x1p40 : 0x1p400, *n = input + IN_CONTACT + CONTACT_NORMAL_X;
-  const double size = std::max({std::fabs(n[0]), std::fabs(n[1]), std::fabs(n[2])});
-  return !(size > 1 / limit && size < limit);
+         is_out(result.reported[OUT_KINETIC_ENERGY_BEFORE]) || is_out(result.reported[OUT_EFFECTIVE_MASS]) ||
+         is_out(std::max({std::fabs(n[0]), std::fabs(n[1]), std::fabs(n[2])}));
 }
 
 static inline bool all_finite(const ImpactResult& result) {
@@ -44,8 +39,7 @@ static inline bool all_finite(const ImpactResult& result) {
 static inline void compute_in_suitable_units(ImpactKernel kernel, bool articulated, bool single, const double* input,
                                              const double* error, ImpactResult& result) {
   kernel(input, error, &result);
-  const bool is_usual = !is_extreme(result, single) && !has_extreme_normal(input, single);
-  if (result.error_bound < INFINITY && is_usual && all_finite(result)) return;
+  if (result.error_bound < INFINITY && !is_extreme(input, result, single) && all_finite(result)) return;
   ImpactResult scaled;
   impact_in_other_units(kernel, articulated, input, error, scaled);
   bool knows_more = scaled.error_bound < INFINITY || !(result.error_bound < INFINITY);
