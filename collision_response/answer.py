@@ -153,10 +153,9 @@ def relative_difference(impact: Impact, other: Impact, body_a: Body, body_b: Bod
     the vector of the other answer.
     """
     ratios = []
+    vectors = (bounded_vectors((body_a, body_b), answer) for answer in (impact, other))
     try:
-        for pair in zip(
-            *(bounded_vectors((body_a, body_b), answer) for answer in (impact, other)), strict=True
-        ):
+        for pair in zip(*vectors, strict=True):
             x, y = ([number * weight for number, weight in vector] for vector in pair)
             distance, size = math.dist(x, y), math.hypot(*y)
             ratios.append(0.0 if distance == 0 else distance / size if size else math.inf)

@@ -24,7 +24,7 @@ from collision_response import (
     resolve_contact,
     resolve_scene,
 )
-from collision_response.batch import body_rows, contact_rows, resolve_batch, resolve_scenes
+from collision_response.batch import body_rows, contact_rows, independent_sets, resolve_batch, resolve_scenes
 from collision_response.derivatives import differentiate, unit_directions
 from collision_response.physics import friction, mass_properties
 from collision_response.physics.combine import CombineRule, combine
@@ -287,3 +287,20 @@ def test_what_is_no_twist_is_refused():
         with pytest.raises(TypeError, match=r"^twist: must be a Twist, is "):
             body.with_twist(wrong)
     assert body.with_twist(Twist(v, w)) == Body.sphere(1.0, 1.0, velocity=v, angular_velocity=w)
+
+
+def test_what_is_no_mass_properties_is_refused():
+    for wrong in (None, 1.0, (1.0, (0, 0, 0), (1, 0, 0, 1, 0, 1)), {"mass": 1.0}):
+        with pytest.raises(TypeError, match=r"^matter: must be MassProperties, is "):
+            Body.of(wrong)
+
+
+@pytest.mark.parametrize("wrong", [[[1, 2], [3]], np.ma.masked_array([True, True], [True, False])], ids=repr)
+def test_what_numpy_cannot_read_is_refused_by_name(wrong):
+    """Rows of different lengths, and masked elements."""
+    given = {"bodies": np.zeros((16, 2)), "contacts": np.zeros((8, 1)), "pairs": np.array([[0], [1]])}
+    for name in given:
+        with pytest.raises(ValueError, match=f"^{name}: must be "):
+            resolve_scenes(**given | {name: wrong})
+    with pytest.raises(ValueError, match=r"^movable: must be "):
+        independent_sets(given["pairs"], wrong)

@@ -82,8 +82,8 @@ def independent_sets(pairs: Any, movable: Any = None) -> list[Array]:
         bodies, places = np.unique(given, return_inverse=True)  # columns may be far apart
         pairs, movable = np.where(given < 0, -1, places.reshape(given.shape)), np.ones(bodies.size, np.bool_)
     else:
-        last = np.size(movable) - 1
-    movable = np.ascontiguousarray(movable)
+        movable = np.ascontiguousarray(as_numpy("movable", movable))
+        last = movable.size - 1
     if movable.ndim != 1 or movable.dtype != np.bool_:
         raise ValueError(f"movable: must be bool of shape (B,), is {movable.dtype} of {movable.shape}")
     order, starts = np.empty(n, np.int64), np.empty(n + 1, np.int64)

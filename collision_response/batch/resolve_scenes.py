@@ -36,7 +36,7 @@ from ..physics.laws import PATHS
 from ..scene import resolve_scene
 from ..scene.reflections import THRESHOLD
 from ..status import ImpactError, StatusCode
-from .arrays import Array, check_unmasked, compared_by_identity
+from .arrays import Array, as_numpy, compared_by_identity
 from .one_by_one import body_of, contact_of
 from .pairs import IS_ANSWER, as_pairs
 from .plan import BatchRequest
@@ -128,9 +128,8 @@ def resolve_scenes(
             number, or ``workers`` not a whole number.
         ValueError: if an array has the wrong shape or type.
     """
-    check_unmasked("bodies", bodies)
-    check_unmasked("contacts", contacts)
-    bodies, contacts, pairs = np.ascontiguousarray(bodies), np.ascontiguousarray(contacts), as_pairs(pairs)
+    bodies = np.ascontiguousarray(as_numpy("bodies", bodies))
+    contacts, pairs = np.ascontiguousarray(as_numpy("contacts", contacts)), as_pairs(pairs)
     check_count("workers", workers, 1, math.inf, StatusCode.INVALID_MODEL)
     check_number("threshold", threshold, 0, math.nextafter(1, 0), StatusCode.INVALID_MODEL)
     request = BatchRequest.of(bodies, contacts, model, pairs)

@@ -169,11 +169,10 @@ def differentiate(
             raise ImpactError(StatusCode.INVALID_INERTIA, f"{name}.inverse_inertia", reason)
     if contact.tangential_restitution is not None:
         model = model._replace(tangential_restitution=contact.tangential_restitution)
-    settings = _settings_of(model)
     count = directions.shape[1]
     jacobian, smoothness = np.empty((RESULT_COUNT, count)), np.empty(count, np.uint8)
     numbers, _ = library.numbers_with_errors(body_a, body_b, contact)
-    inputs = numbers[:_BYTES_BEFORE_SETTINGS] + _PACKED_SETTINGS.pack(*settings)
+    inputs = numbers[:_BYTES_BEFORE_SETTINGS] + _PACKED_SETTINGS.pack(*_settings_of(model))
     if not _derivatives.differentiate(law, 1, count, True, inputs, directions, jacobian, smoothness):
         reason = "a derivative is beyond float64 or could not be computed"
         raise ImpactError(StatusCode.OUT_OF_RANGE, "result", reason)
@@ -273,7 +272,7 @@ def _kernel_inputs(bodies: Array, contacts: Array, model: ImpactModel) -> Array:
     zeros = np.zeros(bodies.shape[2])
     defaults = {ALL_ZERO: zeros, ALL_ONE: zeros + 1}
     rows, _ = rows_in_everything(layout)
-    contact = dict(zip([*names_of_contact(layout), Settings._fields[0]], contacts, strict=False))
+    contact = dict(zip([*names_of_contact(layout), "tangential_restitution"], contacts, strict=False))
     everything = [defaults[i] if i in defaults else bodies[i, side] for side in (0, 1) for i in rows]
     everything += [contact.get(name, zeros) for name in names_of_contact(Layout.EVERYTHING)]
     settings = plan_model(model).settings._asdict().items()

@@ -155,7 +155,12 @@ class Body(NamedTuple):
             matter: mass, centre of mass and inertia in body axes.
             placement: ``position``, ``orientation``, ``velocity`` and ``angular_velocity``, as in
                 :meth:`dynamic`.
+
+        Raises:
+            TypeError: if ``matter`` is not the result of such a function.
         """
+        if not isinstance(matter, MassProperties):
+            raise TypeError(f"matter: must be MassProperties, is {format_value(matter)}")
         return cls.dynamic(matter.mass, matter.inertia, com=matter.com, **placement)
 
     @classmethod
