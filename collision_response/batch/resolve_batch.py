@@ -135,7 +135,7 @@ def _resolve_other_arrays(
         as_numpy("bodies", bodies),
         as_numpy("contacts", contacts),
         model,
-        pairs=None if pairs is None else as_numpy("pairs", pairs),
+        pairs=pairs,
         report=report,
         out=out,
         workers=workers,
