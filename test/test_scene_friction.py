@@ -616,8 +616,8 @@ def test_an_exhausted_budget_has_a_status(monkeypatch):
 @pytest.mark.parametrize("velocity", [(0.0, -1.0, 0.0), (0.3, -1.0, 0.0), (0.0, -1.0, 0.5)])
 @pytest.mark.parametrize("tilt", [0.3, 1e-2, 1e-3, 1e-5, 1e-8])
 @pytest.mark.parametrize("mu", [0.3, 1.0])
-def test_a_wedge_holds_what_falls_into_it_or_has_no_bound(inertia, velocity, tilt, mu):
-    """At e = 0 the law brings it to rest; nearly parallel walls allow many other velocities."""
+def test_a_wedge_holds_what_falls_into_it(inertia, velocity, tilt, mu):
+    """It comes to rest. The more parallel the walls, the more other velocities nearly obey the law."""
     contacts = [
         Contact.of((-x, -math.sin(tilt), 0.0), (x, math.sin(tilt), 0.0), 0.0, mu)
         for x in (math.cos(tilt), -math.cos(tilt))
@@ -627,18 +627,19 @@ def test_a_wedge_holds_what_falls_into_it_or_has_no_bound(inertia, velocity, til
     assert answer.model.law is Law.MOREAU
     size = math.hypot(*velocity)
     assert math.hypot(*answer.twists[0].linear[:2]) <= answer.error_bound * size + 1e-15
-    if tilt != 1e-5:
-        assert answer.error_bound == math.inf if tilt < 1e-5 else answer.error_bound < 1e-5
+    if tilt >= 1e-5:
+        assert answer.error_bound < 1e-12 / tilt
 
 
 @pytest.mark.parametrize("tilt", [1e-2, 1e-3])
 def test_at_the_limit_of_sliding_the_bound_is_a_root(tilt):
-    """Friction just holds, so the error is the root of the residual."""
+    """Friction just holds, so the bound is the root of what rounding may be."""
     n = math.cos(tilt), math.sin(tilt)
     contacts = [Contact.of((-x, -n[1], 0.0), (x, n[1], 0.0), 0.0, tilt / 2) for x in (n[0], -n[0])]
     body = Body.dynamic(1.0, velocity=(0.0, -1.0, 0.5))
     answer = Scene([body, Body.static()], [(0, 1)] * 2, contacts).resolve(Law.MOREAU)
-    assert 1e-6 < math.hypot(*answer.twists[0].linear) <= answer.error_bound
+    assert math.hypot(*answer.twists[0].linear) <= answer.error_bound
+    assert 1e-6 < answer.error_bound < 1e-2
 
 
 @pytest.mark.parametrize("theta", [math.atan(2), math.pi / 4, math.atan(0.5), 1.2])
@@ -1077,12 +1078,9 @@ def normal_velocity(scene: Scene, answer, i: int) -> float:
     return (u_a - u_b) / contact.normal.norm()
 
 
-UNSETTLED = (71, 16)
-
-
 @pytest.mark.parametrize("first", range(0, 300, 10))
 def test_a_contact_that_parts_before_and_after_changes_nothing(first):
-    """A cluster of one contact is left out: it has another law. In one scene shifts only settle with it."""
+    """A cluster of one contact is left out: it has another law."""
     compared = 0
     for seed in range(first, first + 10):
         scene = any_scene(seed).with_contacts(restitution=0.0)
@@ -1096,8 +1094,6 @@ def test_a_contact_that_parts_before_and_after_changes_nothing(first):
             touches = list(zip(rest.pairs, rest.contacts, strict=True))
             without = rest.resolve(Law.COULOMB)
             if any(len({touches[k] for k in cluster}) == 1 for cluster in without.clusters):
-                continue
-            if (seed, i) == UNSETTLED:
                 continue
             answers = rest.resolve(Law.FRICTIONLESS), without
             if all(normal_velocity(scene, answer, i) > limit for answer in answers):

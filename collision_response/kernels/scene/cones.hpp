@@ -64,7 +64,7 @@ class Cones {
   std::vector<Cone<R>> cones;
   Vector kept_velocities;  // c, for each cone; or empty
   double enough = 5e-7;  // error of y: no further rounds are needed, nor steps at a tenth of it
-  std::vector<Axes> P, z;  // z: w + B eta
+  std::vector<Axes> P;
   // |y| by impulses without friction, of which the greatest is 1. Sigma grows with the slip relative to this: loads of
   // nearly dependent contacts may be known to few digits, their effect is known to all.
   double effect_of_loads = 1;
@@ -99,12 +99,7 @@ class Cones {
     }
   }
 
-  // Find P: of all solutions nearly the one with the least sum of squares. Returns a bound on the error of y.
-  double solve() {
-    solve_from_zero();
-    return go_on();
-  }
-  // The same, from the solution in fewer digits; from nothing, if that diverged.
+  // Find P from the solution in fewer digits; from nothing, if that diverged. Returns a bound on the error of y.
   template <class S>
   double solve_from(const Cones<S>& coarse) {
     const double without = motion_error();
@@ -161,6 +156,57 @@ class Cones {
     const bool is_last = round == ROUNDS || (bounds.are_kept && (!are_partial || round >= PARTIAL_ROUNDS));
     return is_firm() || !is_last ? bounds.of_kept : std::fmin(error, bounds.of_kept);
   }
+
+  // The impulse that pulls a contact so that it does not separate faster than its velocity is kept, or 0.
+  double pull(size_t i) const { return std::fmax(-high(x[6 * body_count + i]), 0); }
+
+  // y = B^T P
+  Vector motion() const {
+    Vector y(6 * static_cast<size_t>(body_count));
+    for (size_t i = 0; i < cones.size(); ++i) cones[i].add_effect(P[i], y);
+    return y;
+  }
+
+  // A bound on the distance of y from that of the minimum of this round, without rounding.
+  double motion_error() const { return motion_bounds(0).of_round; }
+  double multiplications() const { return work + equations.multiplications() + rounded_equations.multiplications(); }
+
+ private:
+  template <class>
+  friend class Cones;
+  using Slope = typename Cone<R>::Slope;
+  static constexpr double ROUNDING = Traits<R>::roundoff * 8;
+
+  int body_count;
+  double fastest_slip = 0;  // the greatest w along a normal, or across it
+  double stiffest = 0;  // the greatest sigma
+  Vector x;  // eta, lambda
+  std::vector<Axes> z;  // w + B eta
+  Vector multipliers;  // lambda_0
+  double rho = 1;  // of the current step
+  std::vector<Axes> from;  // Q
+  Vector gradient, step, effect;  // of x
+  std::vector<Slope> slopes;  // of the projections on the cones
+  NewtonEquations<R> equations;
+  NewtonEquations<double> rounded_equations;  // of double-double
+  double work = 0;  // multiplications, but those of the equations
+
+  struct State {
+    std::vector<Axes> P, z;
+    Vector x;
+  };
+  State state() const { return {P, z, x}; }
+  void restore(const State& before) {
+    P = before.P;
+    z = before.z;
+    x = before.x;
+  }
+
+  // On the error of y: the distance from the minimum of a round, and from that with N y = c.
+  struct Bounds {
+    double of_round, of_kept;
+    bool are_kept;  // whether the velocities are, to all digits
+  };
 
   // One augmented Lagrangian step with rho = size, from impulses Q. `from_start` begins as if all contacts held.
   // Whether Newton's method converged.
@@ -232,56 +278,6 @@ class Cones {
     }
   }
 
-  // The impulse that pulls a contact so that it does not separate faster than its velocity is kept, or 0.
-  double pull(size_t i) const { return std::fmax(-high(x[6 * body_count + i]), 0); }
-
-  // y = B^T P
-  Vector motion() const {
-    Vector y(6 * static_cast<size_t>(body_count));
-    for (size_t i = 0; i < cones.size(); ++i) cones[i].add_effect(P[i], y);
-    return y;
-  }
-
-  // A bound on the distance of y from that of the minimum of this round, without rounding.
-  double motion_error() const { return motion_bounds(0).of_round; }
-  double multiplications() const { return work + equations.multiplications() + rounded_equations.multiplications(); }
-
- private:
-  template <class>
-  friend class Cones;
-  using Slope = typename Cone<R>::Slope;
-  static constexpr double ROUNDING = Traits<R>::roundoff * 8;
-
-  int body_count;
-  double fastest_slip = 0;  // the greatest w along a normal, or across it
-  double stiffest = 0;  // the greatest sigma
-  Vector x;  // eta, lambda
-  Vector multipliers;  // lambda_0
-  double rho = 1;  // of the current step
-  std::vector<Axes> from;  // Q
-  Vector gradient, step, effect;  // of x
-  std::vector<Slope> slopes;  // of the projections on the cones
-  NewtonEquations<R> equations;
-  NewtonEquations<double> rounded_equations;  // of double-double
-  double work = 0;  // multiplications, but those of the equations
-
-  struct State {
-    std::vector<Axes> P, z;
-    Vector x;
-  };
-  State state() const { return {P, z, x}; }
-  void restore(const State& before) {
-    P = before.P;
-    z = before.z;
-    x = before.x;
-  }
-
-  // On the error of y: the distance from the minimum of a round, and from that with N y = c.
-  struct Bounds {
-    double of_round, of_kept;
-    bool are_kept;  // whether the velocities are, to all digits
-  };
-
   // Steps that are rounds of their own: mostly, two keep the velocities to all digits. Further ones follow only if ROUNDS
   // would keep them, too. Returns a bound on the error of y; if it is more than enough, nothing has changed.
   double keep_velocities() {
@@ -338,8 +334,7 @@ class Cones {
   // Further steps from the current P, until they reduce the error no more. They do not keep the sum of squares least.
   void refine() {
     double least = motion_error();
-    // The velocities themselves, which MOREAU takes its shifts from, need less rounding.
-    for (double size = kept_velocities.empty() ? KEEPING_RHO : GREATEST_RHO; size >= LEAST_RHO; size /= 100)
+    for (double size = GREATEST_RHO; size >= LEAST_RHO; size /= 100)
       for (bool gains = true; gains && least > enough / 10;) {
         const State before = state();
         lagrangian_step(size, P, false, 60);

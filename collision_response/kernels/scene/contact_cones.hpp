@@ -4,7 +4,7 @@
 #include "cone.hpp"
 
 // Coefficients of friction: greater ones have no further effect, and smaller ones none at all.
-constexpr double GREATEST_FRICTION = 1e30, LEAST_FRICTION = 1e-30, GREATEST_IN_ONE_STEP = 1e6;
+constexpr double GREATEST_FRICTION = 1e30, LEAST_FRICTION = 1e-30;
 
 // The mean of n.K n of unit normals.
 inline double mean_inverse_mass(const Assembly& assembly, const std::vector<int>& among) {

@@ -3,6 +3,6 @@
 #include "impulses.hpp"
 
 // The impulses, in doubles, after which no contact is slower than its rebound, none that is loaded is faster, and friction
-// opposes the slip. None are found if iterations do not settle within `budget` multiplications. The error is infinite if
-// others obey these conditions as well.
+// opposes the slip. None are found if Newton's method does not lead there within `budget` multiplications. The error is an
+// estimate, and infinite if other shares of the load obey these conditions with other velocities.
 ClusterImpulses obey_coulomb(const Assembly& assembly, const Vector& rebounds, double budget);

@@ -1,12 +1,13 @@
-// A symmetric positive definite matrix in which few variables are coupled, and its solution by Cholesky's factors.
+// Matrices in which few variables are coupled, and their solution by triangular factors.
 #pragma once
 #include "vectors.hpp"
 
 // Each row holds the entries from the first that may be other than 0 to the diagonal. Rows are in an order that keeps
 // them short.
-template <class R>
-class Skyline {
- public:
+struct SkylineRows {
+  std::vector<int> place, first;  // first: of each row
+  std::vector<size_t> start;  // of each row
+
   // place: of each variable in that order. Variables of a group are coupled with each other.
   void lay_out(std::vector<int> place_of_variables, const std::vector<std::vector<int>>& groups) {
     place = std::move(place_of_variables);
@@ -18,29 +19,44 @@ class Skyline {
       for (int i : group) least = std::min(least, place[i]);
       for (int i : group) first[place[i]] = std::min(first[place[i]], least);
     }
-    end.assign(count, 0);
-    for (int i = 0; i < count; ++i) std::fill(end.begin() + first[i], end.begin() + i + 1, i + 1);
     start.assign(count + 1, 0);
     for (int i = 0; i < count; ++i) start[i + 1] = start[i] + static_cast<size_t>(i - first[i] + 1);
-    entries.assign(start[count], R{});
+  }
+  int size() const { return static_cast<int>(place.size()); }
+  // Whether the row of i is below that of j, or the same.
+  bool is_below(int i, int j) const { return place[i] >= place[j]; }
+  // Where the entry of i and j is.
+  size_t index(int i, int j) const {
+    const int row = std::max(place[i], place[j]), along = std::min(place[i], place[j]);
+    return start[row] + static_cast<size_t>(along - first[row]);
+  }
+};
+
+// A symmetric positive definite matrix, solved by Cholesky's factors.
+template <class R>
+class Skyline {
+ public:
+  void lay_out(std::vector<int> place_of_variables, const std::vector<std::vector<int>>& groups) {
+    rows.lay_out(std::move(place_of_variables), groups);
+    const int count = rows.size();
+    end.assign(count, 0);
+    for (int i = 0; i < count; ++i) std::fill(end.begin() + rows.first[i], end.begin() + i + 1, i + 1);
+    entries.assign(rows.start[count], R{});
     rhs.resize(count);
     column.resize(count);
   }
 
   std::vector<R> entries;
-  R& at(int i, int j) {
-    const int row = std::max(place[i], place[j]), along = std::min(place[i], place[j]);
-    return entries[start[row] + static_cast<size_t>(along - first[row])];
-  }
-  // Whether the row of i is below that of j, or the same.
-  bool is_below(int i, int j) const { return place[i] >= place[j]; }
+  R& at(int i, int j) { return entries[rows.index(i, j)]; }
+  bool is_below(int i, int j) const { return rows.is_below(i, j); }
   double multiplications() const { return work; }
 
   // x = -M^-1 b, column by column, for numbers T of at least as many digits. The entries become the factor, with the
   // inverses of its diagonal.
   template <class T>
   void solve(const std::vector<T>& b, std::vector<T>& x) {
-    const int count = static_cast<int>(place.size());
+    const int count = rows.size();
+    const auto& [place, first, start] = rows;
     std::vector<R>& M = entries;
     for (int i = 0; i < count; ++i) rhs[place[i]] = -rounded_to<R>(b[i]);
     for (int k = 0; k < count; ++k) {
@@ -70,9 +86,56 @@ class Skyline {
   }
 
  private:
-  std::vector<int> place, first, end;  // first: of each row; end: of each column, below its last row
-  std::vector<size_t> start;  // of each row
+  SkylineRows rows;
+  std::vector<int> end;  // of each column, below its last row
   std::vector<R> rhs, column;
+  double work = 0;
+};
+
+// A matrix that need not be symmetric, but in which i is coupled with j if j is with i. Its factors are L and U, with a
+// diagonal of 1 in U, without exchanges of rows.
+class UnsymmetricSkyline {
+ public:
+  void lay_out(std::vector<int> place_of_variables, const std::vector<std::vector<int>>& groups) {
+    rows.lay_out(std::move(place_of_variables), groups);
+  }
+  void set_to_unit() {
+    lower.assign(rows.start.back(), 0);
+    upper.assign(rows.start.back(), 0);
+    for (int i = 0; i < rows.size(); ++i) lower[rows.start[i + 1] - 1] = 1;
+  }
+  double& at(int i, int j) { return (rows.is_below(i, j) ? lower : upper)[rows.index(i, j)]; }
+  double multiplications() const { return work; }
+
+  // x = M^-1 x. The entries become the factors. Whether there are any.
+  bool solve(Vector& x) {
+    const auto& [place, first, start] = rows;
+    const int count = rows.size();
+    auto at_row = [&](Vector& entries, int i) { return entries.data() + start[i] - first[i]; };
+    Vector b(count);
+    for (int i = 0; i < count; ++i) b[place[i]] = x[i];
+    for (int i = 0; i < count; ++i) {
+      double *L = at_row(lower, i), *U = at_row(upper, i);
+      for (int j = first[i]; j < i; ++j) {
+        const int from = std::max(first[i], first[j]);
+        const double* L_above = at_row(lower, j);
+        L[j] -= dot(L + from, at_row(upper, j) + from, j - from);
+        U[j] = (U[j] - dot(L_above + from, U + from, j - from)) / L_above[j];
+        work += 2 * (j - from);
+      }
+      L[i] -= dot(L + first[i], U + first[i], i - first[i]);
+      if (!(std::fabs(L[i]) > 0)) return false;
+      b[i] = (b[i] - dot(L + first[i], b.data() + first[i], i - first[i])) / L[i];
+    }
+    for (int i = count; i-- > 0;)
+      for (int j = first[i]; j < i; ++j) b[j] -= at_row(upper, i)[j] * b[i];
+    for (int i = 0; i < count; ++i) x[i] = b[place[i]];
+    return true;
+  }
+
+ private:
+  SkylineRows rows;
+  Vector lower, upper;  // upper: by columns, without its diagonal
   double work = 0;
 };
 

@@ -1,0 +1,130 @@
+"""Coulomb's conditions at several contacts: MOREAU against 50 digits, and where rolling bodies pile up."""
+
+from __future__ import annotations
+
+import math
+import random
+
+import pytest
+from mpmath import mp, mpf
+from scene_cases import Scene, distance, distance_of_changes, shuffled
+
+from collision_response import Adjustment, Body, Contact, Law, SceneImpact
+from collision_response.physics.body import Twist
+from collision_response.physics.vector import Vec3
+
+NORMALS = [(3, 4), (-3, 4), (4, 3), (-4, 3), (5, 12), (-5, 12), (12, -5), (-12, 5), (1, 0), (0, 1)]
+"""In the plane x, z. Their lengths are whole numbers."""
+
+
+def corner(rng: random.Random) -> Scene:
+    """A body in the plane that touches two walls."""
+    inertia = rng.uniform(0.05, 1.0)
+    body = Body.dynamic(
+        1.0,
+        (inertia, 0, 0, inertia, 0, inertia),
+        velocity=(rng.uniform(-1, 1), 0, rng.uniform(-1, 1)),
+        angular_velocity=(0, rng.uniform(-2, 2), 0),
+    )
+    mu, e = rng.uniform(0, 3), rng.choice([0.0, 0.25, 0.75])
+    contacts = [
+        Contact.of((rng.uniform(-1, 1), 0, rng.uniform(-1, 1)), (x, 0, z), e, mu)
+        for x, z in rng.sample(NORMALS, 2)
+    ]
+    return Scene([body, Body.static()], [(0, 1)] * 2, contacts)
+
+
+def in_fifty_digits(scene: Scene, answer: SceneImpact) -> list[Twist]:
+    """The changes of twists, by the linear equations of contacts that stick, slide or part in an answer."""
+    body = scene.bodies[0]
+    x, z, turn = mpf(body.velocity.x), mpf(body.velocity.z), mpf(body.angular_velocity.y)
+    before, rows, equations = mp.matrix([x, z, turn]), [], []
+    twist = answer.twists[0]
+    for contact, impulse in zip(scene.contacts, answer.impulses, strict=True):
+        after = twist.linear + twist.angular.cross(contact.position)
+        length = math.hypot(contact.normal.x, contact.normal.z)
+        n = mpf(contact.normal.x) / length, mpf(contact.normal.z) / length
+        arm = mpf(contact.position.x), mpf(contact.position.z)
+        along = [[a, b, arm[1] * a - arm[0] * b] for a, b in (n, (-n[1], n[0]))]
+        rows += along
+        slip = -float(n[1]) * after.x + float(n[0]) * after.z
+        equations.append((contact, impulse.norm() > 0, slip if abs(slip) > 1e-9 else 0.0))
+    A = mp.matrix(rows)
+    K = A * mp.diag([1, 1, 1 / mpf(body.inertia.yy)]) * A.T
+    u, M, rhs = A * before, mp.eye(4), mp.matrix(4, 1)
+    for i, (contact, is_loaded, slip) in enumerate(equations):
+        normal, tangent = 2 * i, 2 * i + 1
+        if not is_loaded:
+            continue
+        M[normal, :], rhs[normal] = K[normal, :], -u[normal] - mpf(contact.restitution) * min(u[normal], 0)
+        if slip:
+            M[tangent, normal] = mpf(contact.friction) * (1 if slip > 0 else -1)
+        else:
+            M[tangent, :], rhs[tangent] = K[tangent, :], -u[tangent]
+    P = mp.lu_solve(M, rhs)
+    change = mp.diag([1, 1, 1 / mpf(body.inertia.yy)]) * A.T * P
+    x, z, turn = (float(by) for by in change)
+    return [Twist(Vec3(x, 0.0, z), Vec3(0.0, turn, 0.0)), answer.changes[1]]
+
+
+@pytest.mark.parametrize("first", range(0, 1000, 100))
+def test_bodies_in_corners(first):
+    """The estimate of the error holds. Most have an answer; where bodies are wedged there may be none."""
+    compared = 0
+    with mp.workdps(50):
+        for seed in range(first, first + 100):
+            scene = corner(random.Random(seed))
+            answer = scene.resolve(Law.MOREAU)
+            if answer.adjustments & Adjustment.LAW_FALLBACK or answer.error_bound == math.inf:
+                continue
+            off = distance_of_changes(scene, answer.changes, in_fifty_digits(scene, answer))
+            assert off <= answer.error_bound < 1e-8, seed
+            compared += 1
+    assert compared > 80
+
+
+def heap(rng: random.Random, mu: float) -> Scene:
+    """Five rows of discs between two walls, which roll a little and have come down by one step of gravity."""
+    bodies, pairs, contacts = [], [], []
+
+    def touch(a: int, b: int, position: Vec3, normal: Vec3) -> None:
+        turned = normal + Vec3(rng.gauss(0, 0.02), 0.0, rng.gauss(0, 0.02))
+        pairs.append((a, b))
+        contacts.append(Contact.of(position, turned, 0.0, mu))
+
+    place = {}
+    for row in range(5):
+        for column in range(4 - row % 2):
+            place[row, column] = len(bodies)
+            at = Vec3(column + row % 2 / 2, 0.0, 0.5 + row * math.sqrt(0.75))
+            spin = rng.gauss(0, 0.02)
+            velocity = (rng.gauss(0, 0.01), 0, -0.01 + rng.gauss(0, 0.01))
+            bodies.append(Body.dynamic(1.0, (0.125, 0, 0, 0.125, 0, 0.125), at, None, velocity, (0, spin, 0)))
+    ground = len(bodies)
+    for (row, column), disc in place.items():
+        at = bodies[disc].position
+        for r, c in ((row, column - 1), (row - 1, column - 1 + row % 2), (row - 1, column + row % 2)):
+            if (r, c) in place:
+                other = bodies[place[r, c]].position
+                touch(disc, place[r, c], (at + other) * 0.5, at - other)
+        if row == 0:
+            touch(disc, ground, at - Vec3(0.0, 0.0, 0.5), Vec3(0.0, 0.0, 1.0))
+        for is_last, side in ((column == 0, -0.5), (column == 3 - row % 2, 0.5)):
+            if is_last and not row % 2:
+                touch(disc, ground, at + Vec3(side, 0.0, 0.0), Vec3(-side, 0.0, 0.0))
+    return Scene([*bodies, Body.static()], pairs, contacts)
+
+
+@pytest.mark.parametrize("mu", [0.3, 0.6, 1.0])
+def test_most_heaps_of_discs_have_an_answer(mu):
+    """And the same in any order."""
+    answered = 0
+    for seed in range(20):
+        scene = heap(random.Random(seed), mu)
+        other, place = shuffled(scene, seed)
+        answer, again = (one.resolve(Law.MOREAU) for one in (scene, other))
+        again = again._replace(changes=[again.changes[k] for k in place])
+        if not (answer.adjustments | again.adjustments) & Adjustment.LAW_FALLBACK:
+            assert distance(scene, answer, again) <= answer.error_bound + again.error_bound
+            answered += answer.error_bound < 1e-6
+    assert answered >= 14
