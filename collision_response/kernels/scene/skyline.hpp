@@ -109,9 +109,9 @@ class UnsymmetricSkyline {
 
   // x = M^-1 x. The entries become the factors. Whether there are any.
   bool solve(Vector& x) {
-    const auto& [place, first, start] = rows;
+    const std::vector<int>&place = rows.place, &first = rows.first;
     const int count = rows.size();
-    auto at_row = [&](Vector& entries, int i) { return entries.data() + start[i] - first[i]; };
+    auto at_row = [this](Vector& entries, int i) { return entries.data() + rows.start[i] - rows.first[i]; };
     Vector b(count);
     for (int i = 0; i < count; ++i) b[place[i]] = x[i];
     for (int i = 0; i < count; ++i) {
