@@ -113,8 +113,8 @@ class Conditions {
   double multiplications() const { return work + matrix.multiplications(); }
   bool has_budget() const { return multiplications() < budget; }
 
-  // That of one contact: it parts, or sticks, or slides, whichever is nearest. Impulses that are in the way of this count
-  // by their effect.
+  // off() of one contact. It parts, or sticks, or slides, whichever is nearest; impulses that do not fit this count by their
+  // effect.
   double off_at(size_t i) const {
     const Cone<double>& cone = cones[i];
     const Axes by = cone.velocity(y.data());
@@ -148,6 +148,7 @@ class Conditions {
     return newton(NEXT_STEPS) && raise(shift, 1, 1);
   }
 
+  // From -1 to 1, by where and how a contact acts.
   static double uneven(const Cone<double>& cone, int axis, double phase) {
     double sum = 0;
     for (const auto& side : cone.row)
@@ -176,7 +177,7 @@ class Conditions {
     return length_of(residual);
   }
 
-  // step = -M^-1 residual, M = 1 + sum rho_i B_i^T S_i B_i
+  // step = -M^-1 residual, M = 1 + sum rho_i B_i^T S_i B_i, with the slopes S_i. Whether M has factors.
   bool newton_step(Vector& step) {
     matrix.set_to_unit();
     for (size_t i = 0; i < cones.size(); ++i) {
@@ -203,12 +204,15 @@ class Conditions {
   bool newton(int budget) {
     constexpr double SHORTEST = 1e-3, LESS = 1e-4;
     rho = std::pow(10, log_rho);
-    const double small = 1e-13 + 1e-15 * rho;
+    const double small = 1e-13 + 1e-15 * rho;  // of the residual: it has rho times the rounding of velocities
     Vector at = y, step, next;
     double off = evaluate(at);
     for (int turn = 0; turn < budget && has_budget(); ++turn) {
       if (!newton_step(step)) return false;
-      if (off < small) return take_last(step);
+      if (off < small) {
+        take_last(step);
+        return true;
+      }
       const double before = off;
       double length = 1;
       for (;; length /= 2) {
@@ -220,14 +224,15 @@ class Conditions {
       if (length < SHORTEST) {
         if (!(before < 1e3 * small)) return false;
         evaluate(at);  // rounding is all that is left
-        return take_last(step);
+        take_last(step);
+        return true;
       }
       at = std::move(next);
     }
     return false;
   }
   // The last step changes P instead of computing it anew, with the rounding of rho times the velocity.
-  bool take_last(const Vector& step) {
+  void take_last(const Vector& step) {
     for (size_t i = 0; i < cones.size(); ++i) {
       const Axes by = cones[i].velocity(step.data());
       for (int a = 0; a < 3; ++a)
@@ -236,7 +241,6 @@ class Conditions {
       cones[i].project(P[i], unused);
     }
     set_motion();
-    return true;
   }
   void set_motion() {
     y.assign(y.size(), 0);
@@ -344,7 +348,7 @@ double motion_error(const Conditions& solved) {
 }  // namespace
 
 ClusterImpulses obey_coulomb(const Assembly& assembly, const Vector& rebounds, double budget) {
-  constexpr double SOLVED = 1e-6;  // greatest `off`, and this part of the greatest impulse
+  constexpr double SOLVED = 1e-6;  // greatest off(), and a hundred times this, of the greatest impulse
   std::vector<Axes> P(assembly.count);
   double speed = 0;
   bool approach = false;
