@@ -50,9 +50,9 @@ def pile(count: int, mu: float, e: float, disorder: float) -> Scene:
     return Scene([*bodies, Body.static()], pairs, contacts)
 
 
-@pytest.mark.parametrize("disorder", [0.0, 0.1])
+@pytest.mark.parametrize("disorder", [0.0, 0.1, 0.2])
 @pytest.mark.parametrize("e", [0.0, 0.5])
-@pytest.mark.parametrize("mu", [0.1, 0.5, 2.0])
+@pytest.mark.parametrize("mu", [0.1, 0.3, 0.5, 1.0, 2.0])
 @pytest.mark.parametrize("count", [2, 3])
 def test_piles(count, mu, e, disorder):
     assert_small_bound_in_any_order(pile(count, mu, e, disorder))
@@ -154,7 +154,7 @@ def test_piles_by_moreau(count, mu, e):
     answer, again = (one.resolve(Law.MOREAU) for one in (scene, other))
     assert not (answer.adjustments | again.adjustments) & Adjustment.LAW_FALLBACK
     again = again._replace(changes=[again.changes[k] for k in place])
-    assert distance(scene, answer, again) < 1e-9  # rounds end where they change shifts by less than 1e-12
+    assert distance(scene, answer, again) < 1e-9  # other shares would change it by up to 0.004
 
 
 def wall_of_bricks(mass: float) -> Scene:
@@ -211,14 +211,10 @@ def opposites(seed: int) -> Scene:
     return Scene([*bodies, Body.static()], pairs, contacts)
 
 
-LARGER_BOUNDS = {601: 2e-4, 622: 1e-5, 866: 3e-4}  # of the scenes with these seeds
-BY_ORDER = {680}  # its order decides whether Coulomb's conditions are solved exactly enough
-
-
 @pytest.mark.parametrize("first", range(0, 1100, 50))
 def test_opposite_magnitudes(first):
-    for seed in {*range(first, first + 50)} - BY_ORDER:
-        assert_small_bound_in_any_order(opposites(seed), LARGER_BOUNDS.get(seed, SMALL))
+    for seed in range(first, first + 50):
+        assert_small_bound_in_any_order(opposites(seed), 3e-4 if seed == 866 else SMALL)
 
 
 SMALL_LOADS = [

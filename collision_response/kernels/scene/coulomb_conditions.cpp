@@ -5,14 +5,13 @@
 // and friction opposes the slip after the impact: |P_t| <= mu P_n, and P_t = -mu P_n u_t+ / |u_t+| where there is slip.
 // So a contact that friction unloads parts, and one that it presses is loaded.
 //
-// With  v = (u_n+ - r + mu |u_t+|, u_t+),  these say that no impulse of the friction cone does work against v, and that P
-// does none. So for any rho > 0
+// These are the equations
 //
-//     P_i = proj_K_i(Q_i - rho_i v_i)    y = B^T P: its effect on the bodies    u+ = u + B y
+//     P_n = max(0, Q_n - rho (u_n+ - r))    P_t = Q_t - rho u_t+, cut off at mu P_n
+//     y = B^T P: its effect on the bodies    u+ = u + B y
 //
-// where Q = P. For another Q these are equations for y alone, which Newton's method solves. Q = 0 describes contacts that
-// give: by P / rho. They become harder step by step. Where this leads nowhere, the shift mu |u_t+| is left out first, which
-// makes it a convex programme, and added step by step. Then follow steps with Q = P.
+// with Q = P, for any rho > 0. For another Q, they are equations for y alone, which Newton's method solves. Q = 0 describes
+// contacts that give: by P / rho. They become harder step by step, as far as that leads. Then follow steps with Q = P.
 //
 // There may be several solutions, and many where friction is great or where more contacts than necessary share a load.
 // Contacts that give choose one that is as symmetric as the scene.
@@ -22,9 +21,8 @@
 // y changes with Q, a load can be shared in several ways that differ in their effect: then the bound is infinite. So it is
 // if P creeps, or contacts lock. Of solutions that lie apart, the bound knows nothing.
 //
-// Sources: De Saxce & Feng, "The Bipotential Method", Math. Comput. Model. 28 (1998), for the shift by mu |u_t|; Alart &
-// Curnier, "A Mixed Formulation for Frictional Contact Problems Prone to Newton like Solution Methods", Comput. Methods
-// Appl. Mech. Eng. 92 (1991), for Newton's method.
+// Source: Alart & Curnier, "A Mixed Formulation for Frictional Contact Problems Prone to Newton like Solution Methods",
+// Comput. Methods Appl. Mech. Eng. 92 (1991).
 #include "coulomb_conditions.hpp"
 
 #include <optional>
@@ -49,20 +47,20 @@ class Conditions {
     for (int i = 0; i < assembly.count; ++i) {
       const AssembledContact& contact = assembly.contacts[i];
       Cone<double> cone = cone_of(contact, contact.axes, speed, mean);
-      cone.mu = std::fmin(cone.mu, GREATEST_MU);
       cone.w[0] -= rebounds[i] * contact.unit() / speed;
       graph.pairs.push_back({cone.body[0], cone.body[1]});
       cones.push_back(cone);
-      friction.push_back(contact.mu);
     }
     matrix.lay_out(graph.order(), graph.groups());
   }
 
-  // Solve the equations for hard contacts, then those with Q = P.
+  // For soft contacts, then for harder ones, then with Q = P. Whether there is a solution for soft ones.
   bool solve() {
-    const bool is_solved = by_harder_contacts() || by_greater_shifts();
-    if (is_solved) sharpen();
-    return is_solved;
+    log_rho = SOFT;
+    if (!newton(FIRST_STEPS)) return false;
+    raise_to(HARD);
+    sharpen();
+    return true;
   }
 
   // How far the velocities of a contact are, at most, from those for which P obeys the conditions exactly.
@@ -75,14 +73,14 @@ class Conditions {
   // The same equations for velocities that differ by about `size`, and for a Q that differs from P by about this `part`,
   // by amounts that do not depend on the order of contacts.
   bool solve_nearby(double size, double part, double phase) {
-    budget = multiplications() + budget / 20;
+    budget = multiplications() + budget / 4;
     for (size_t i = 0; i < cones.size(); ++i) {
       Cone<double>& cone = cones[i];
       for (int k = 0; k < (cone.mu > 0 ? 3 : 1); ++k) cone.w[k] += size * uneven(cone, k, phase);
       from[i] = P[i];
       for (double& one : from[i]) one *= 1 + part * uneven(cone, 0, phase);
     }
-    if (!proximal_step(HARD) && !by_harder_contacts()) return false;
+    if (!proximal_step(HARD)) return false;
     sharpen();
     return true;
   }
@@ -95,14 +93,11 @@ class Conditions {
 
  private:
   using Slope = Cone<double>::Slope;
-  static constexpr double GREATEST_MU = 1e6;  // beyond, Newton's method would have no digits left
-  static constexpr double SOFT = -1, MEDIUM = 3, FIRM = 4, HARD = 6;  // decimal logarithms of rho
+  static constexpr double SOFT = -1, FIRM = 4, HARD = 6;  // decimal logarithms of rho
   static constexpr int FIRST_STEPS = 60, NEXT_STEPS = 30;  // of Newton's method
 
   double budget;  // multiplications
   std::vector<Cone<double>> cones;
-  Vector friction;  // mu of the contacts, not of the cones
-  double shift = 1;  // part of mu |u_t+| that counts
   double log_rho = SOFT, rho = 0;
   std::vector<Axes> from;  // Q
   Vector residual;  // of y
@@ -126,26 +121,11 @@ class Conditions {
     }
     const double t = std::hypot(P[i][1], P[i][2]), slip = std::hypot(u[1], u[2]);
     // A load that is missed lacks its friction, too.
-    const double parts = std::fmax(1, friction[i]) * std::fmax(-u[0], 0) + std::hypot(P[i][0], t);
+    const double parts = std::fmax(1, cone.mu) * std::fmax(-u[0], 0) + std::hypot(P[i][0], t);
     if (!(cone.mu > 0)) return std::fmin(parts, std::fabs(u[0])) + rounding;
     double slides = std::fmax(cone.mu * P[i][0] - t, 0);
     slides += t > 0 ? std::hypot(u[1] + slip * P[i][1] / t, u[2] + slip * P[i][2] / t) : slip;
     return std::fmin(parts, std::hypot(u[0], std::fmin(slip, slides))) + rounding;
-  }
-
-  // From nothing, with the Q at hand.
-  bool by_harder_contacts() {
-    y.assign(y.size(), 0);
-    log_rho = SOFT;
-    return newton(FIRST_STEPS) && raise(log_rho, HARD, 2);
-  }
-  // From the convex programme, with its P for Q.
-  bool by_greater_shifts() {
-    shift = 0;
-    if (!by_harder_contacts()) return false;
-    from = P;
-    log_rho = MEDIUM;
-    return newton(NEXT_STEPS) && raise(shift, 1, 1);
   }
 
   // From -1 to 1, by where and how a contact acts.
@@ -161,20 +141,32 @@ class Conditions {
     residual = at;
     for (size_t i = 0; i < cones.size(); ++i) {
       const Cone<double>& cone = cones[i];
-      Axes v = cone.velocity(at.data());
-      for (int k = 0; k < 3; ++k) v[k] += cone.w[k];
-      const double slip = std::hypot(v[1], v[2]), by = shift * cone.mu;
-      v[0] += by * slip;
-      for (int k = 0; k < 3; ++k) P[i][k] = from[i][k] - rho * cone.share * v[k];
-      Slope& slope = slopes[i];
-      cone.project(P[i], slope);
-      if (slip > 0)
-        for (auto& row : slope)
-          for (int k = 1; k < 3; ++k) row[k] += row[0] * by * v[k] / slip;
+      const Axes by = cone.velocity(at.data());
+      for (int k = 0; k < 3; ++k) P[i][k] = from[i][k] - rho * cone.share * (cone.w[k] + by[k]);
+      limit(P[i], cone.mu, slopes[i]);
       cone.add_effect({-P[i][0], -P[i][1], -P[i][2]}, residual);
     }
     work += static_cast<double>(90 * cones.size());
     return length_of(residual);
+  }
+
+  // Cut P off: P_n at 0, and P_t at mu P_n. `slope` is the derivative of this.
+  static void limit(Axes& P, double mu, Slope& slope) {
+    slope = {};
+    if (!(P[0] > 0)) {
+      P = {};
+      return;
+    }
+    slope[0][0] = 1;
+    const double t = std::hypot(P[1], P[2]), most = mu * P[0], part = t > most ? most / t : 1;
+    for (int k = 1; k < 3; ++k) slope[k][k] = part;
+    if (!(t > most)) return;
+    const Axes along{0, P[1] / t, P[2] / t};
+    for (int k = 1; k < 3; ++k) {
+      slope[k][0] = mu * along[k];
+      for (int l = 1; l < 3; ++l) slope[k][l] -= part * along[k] * along[l];
+      P[k] = most * along[k];
+    }
   }
 
   // step = -M^-1 residual, M = 1 + sum rho_i B_i^T S_i B_i, with the slopes S_i. Whether M has factors.
@@ -189,9 +181,11 @@ class Conditions {
             Axes part{};
             for (int a = 0; a < 3; ++a)
               for (int b = 0; b < 3; ++b) part[a] += rho * cone.share * slopes[i][a][b] * cone.row[t][b][l];
-            for (int k = 0; k < 6; ++k)
-              for (int a = 0; a < 3; ++a)
-                matrix.at(6 * cone.body[s] + k, 6 * cone.body[t] + l) += cone.row[s][a][k] * part[a];
+            for (int k = 0; k < 6; ++k) {
+              double sum = 0;
+              for (int a = 0; a < 3; ++a) sum += cone.row[s][a][k] * part[a];
+              matrix.at(6 * cone.body[s] + k, 6 * cone.body[t] + l) += sum;
+            }
           }
         }
     }
@@ -200,33 +194,29 @@ class Conditions {
     return matrix.solve(step);
   }
 
-  // Solve the equations from the y at hand. If that fails, y stays as it is.
-  bool newton(int budget) {
+  // Solve the equations from the y at hand, until rounding hides what a step gains. If that fails, y stays as it is.
+  bool newton(int turns) {
     constexpr double SHORTEST = 1e-3, LESS = 1e-4;
     rho = std::pow(10, log_rho);
-    const double small = 1e-13 + 1e-15 * rho;  // of the residual: it has rho times the rounding of velocities
+    const double near = 1e-11 + 1e-13 * rho;  // the residual may be rho times the rounding of velocities
     Vector at = y, step, next;
-    double off = evaluate(at);
-    for (int turn = 0; turn < budget && has_budget(); ++turn) {
+    double left = evaluate(at);
+    while (turns-- > 0 && has_budget()) {
       if (!newton_step(step)) return false;
-      if (off < small) {
-        take_last(step);
-        return true;
-      }
-      const double before = off;
+      const double before = left;
       double length = 1;
       for (;; length /= 2) {
         next = at;
         increase(next, length, step);
-        off = evaluate(next);
-        if (off <= (1 - LESS * length) * before || length < SHORTEST) break;
+        left = evaluate(next);
+        if (left <= (1 - LESS * length) * before || length < SHORTEST) break;
       }
-      if (length < SHORTEST) {
-        if (!(before < 1e3 * small)) return false;
-        evaluate(at);  // rounding is all that is left
+      if (before < near && !(left < before / 2)) {
+        evaluate(at);
         take_last(step);
         return true;
       }
+      if (length < SHORTEST) return false;
       at = std::move(next);
     }
     return false;
@@ -238,7 +228,7 @@ class Conditions {
       for (int a = 0; a < 3; ++a)
         for (int k = 0; k < 3; ++k) P[i][a] -= rho * cones[i].share * slopes[i][a][k] * by[k];
       Slope unused;
-      cones[i].project(P[i], unused);
+      limit(P[i], cones[i].mu, unused);
     }
     set_motion();
   }
@@ -247,50 +237,56 @@ class Conditions {
     for (size_t i = 0; i < cones.size(); ++i) cones[i].add_effect(P[i], y);
   }
 
-  // Raise a value of the equations from one for which they are solved to `last`, by steps for which Newton's method
-  // converges.
-  bool raise(double& value, double last, double widest) {
-    constexpr double NARROWEST = 1e-3;
-    double step = widest;
-    while (value < last && step > NARROWEST && has_budget()) {
-      const double before = value;
-      value = std::fmin(value + step, last);
+  // Raise rho, from one for which the equations are solved, by steps for which Newton's method converges.
+  void raise_to(double last) {
+    constexpr double WIDEST = 2, NARROWEST = 1e-3;
+    double step = WIDEST;
+    while (log_rho < last && step > NARROWEST && has_budget()) {
+      const double before = log_rho;
+      log_rho = std::fmin(log_rho + step, last);
       if (newton(NEXT_STEPS)) {
-        step = std::fmin(2 * step, widest);
+        step = std::fmin(2 * step, WIDEST);
       } else {
-        value = before;
+        log_rho = before;
         step /= 2;
       }
     }
-    return value == last;
+    if (log_rho < last) newton(NEXT_STEPS);
   }
 
-  // A step with the greatest rho for which Newton's method converges.
+  // A step with the greatest rho for which Newton's method converges, if need be by way of smaller ones.
   bool proximal_step(double greatest) {
     for (log_rho = greatest; log_rho >= SOFT; log_rho -= 2)
-      if (newton(NEXT_STEPS)) return true;
+      if (newton(NEXT_STEPS)) {
+        raise_to(greatest);
+        return true;
+      }
     return false;
   }
 
   // Steps with Q = P, until P is exact or no longer becomes more so. They take a greater rho where they are slow, and a
-  // smaller one where rho times a rounding is too much.
+  // smaller one where rho times a rounding is too much. Rounding must not make loads creep from contact to contact: P that
+  // are hardly more exact count for nothing.
   void sharpen() {
     constexpr int MOST = 60, PATIENCE = 5;
-    constexpr double HARDEST = 12, FAST = 0.1, SLOW = 0.9, WORSE = 2, ROUNDING = 0x1p-49;
+    constexpr double HARDEST = 12, FAST = 0.1, BETTER = 0.5, WORSE = 2, ROUNDING = 0x1p-49;
     std::vector<Axes> best = P;
     double least = off(), last = least, hardness = FIRM, hardest = HARDEST;
-    for (int turn = 0, idle = 0; turn < MOST && idle < PATIENCE && least > ROUNDING && has_budget(); ++turn) {
+    auto is_exact = [&] { return least <= ROUNDING * std::fmax(1, greatest()); };
+    for (int turn = 0, idle = 0; turn < MOST && idle < PATIENCE && !is_exact() && has_budget(); ++turn) {
       from = P;
       if (!proximal_step(hardness)) break;
       const double now = off();
-      idle = now < SLOW * least ? 0 : idle + 1;
+      ++idle;
       if (now > WORSE * least) {
         P = best;
         hardness = hardest = log_rho - 2;
+        idle = 0;
       } else if (now > FAST * last) {
         hardness = std::fmin(log_rho + 2, hardest);
       }
-      if (now < least) {
+      if (now < BETTER * least) {
+        idle = 0;
         least = now;
         best = P;
       }
@@ -331,18 +327,19 @@ double motion_error(const Conditions& solved) {
   if (!is_known) return INFINITY;
 
   constexpr double OTHER = 0.01;  // relative change of the shares
-  constexpr double SETTLED = 1e-10;  // their off(), relative to velocities and impulses
   constexpr double EXCESS = 10;  // of a change of y over what this explains
   constexpr double SEVERAL = 1e-3, APART = 10;  // changes of y: of shares that matter, and of solutions that lie apart
+  is_known = false;
   for (int k = 0; k < TRIES; ++k) {
     const auto other = nearby(0, OTHER, k);
-    if (!other || other->off() > SETTLED * unit) continue;
+    if (!other || other->off() > farther) continue;
+    is_known = true;
     const double change = distance(*other), by_shares = change / OTHER;
     if (change < EXCESS * other->off() / farther * most || by_shares > APART * greatest) continue;
     if (by_shares > std::fmax(SEVERAL * greatest, most)) return INFINITY;
     most = std::fmax(most, by_shares);
   }
-  return CAUTION * most;
+  return is_known ? CAUTION * most : INFINITY;
 }
 
 }  // namespace
