@@ -115,9 +115,8 @@ def energies_gained(scene: Scene) -> list[mpf]:
     for slips in itertools.product((None, 0, 1, -1), repeat=2):
         P = impulses(scene, slips)
         after = u + K * P
-        obeys = (
-            max(abs(p) for p in P) < 1e20
-        )  # else the equations of two contacts that stick contradict each other
+        # The equations of two contacts that stick may contradict each other.
+        obeys = max(abs(p) for p in P) < 1e20
         for i, (contact, slip) in enumerate(zip(scene.contacts, slips, strict=True)):
             p, t = P[2 * i], P[2 * i + 1]
             rebound = after[2 * i] + mpf(contact.restitution) * min(u[2 * i], 0)
