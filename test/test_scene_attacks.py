@@ -383,3 +383,15 @@ def test_balls_that_strike_one_from_symmetric_sides_rebound_alike(name, moment, 
             expected = contact.normal * (mass * (1 + e))  # the normal is as long as the speed
             assert (impulse - expected).norm() <= off * mass * length
             assert (twist.linear + contact.normal * e).norm() <= off * length
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+@pytest.mark.parametrize("tilt", [math.cos(math.pi / 2), 1e-15, 1e-13, 1e-10, 1e-7, 1e-5])
+def test_walls_that_face_each_other_hold_a_body(tilt, law):
+    """Their normals are opposite up to rounding, so that impulses of 1e16 would drive the body out."""
+    held = Body.dynamic(1.0, (0.1, 0, 0, 0.1, 0, 0.1), velocity=(-0.3, 0, -0.5))
+    fork = Body.dynamic(2.0, (0.2, 0, 0, 0.2, 0, 0.2), (1, 0, 0), None, (-1, 0, 0), (0, 2, 0))
+    contacts = [Contact.of((x, 0, 0.5), (n, 0, tilt), 0.3, 2.0) for x, n in ((-0.5, 1), (0.5, -1))]
+    answer = resolve_scene([held, fork], [(0, 1)] * 2, contacts, ImpactModel(law))
+    assert min(answer.normal_velocities_after) > -1e-15
+    assert answer.kinetic_energy_after < answer.kinetic_energy_before

@@ -125,7 +125,13 @@ struct LeastWork {
       result.error += distance_from_before(after);
       return result;
     }
-    result.error += stop_approach(after, error, P);
+    const double error_of_stop = stop_approach(after, error, P);
+    if (error_of_stop == INFINITY) {
+      // Between walls that face each other, an impulse of 1e16 may be needed, which no digits give.
+      result.error = INFINITY;
+      return result;
+    }
+    result.error += error_of_stop;
     return with_axis_impulses(std::move(result), assembly, P);
   }
 
