@@ -395,3 +395,18 @@ def test_walls_that_face_each_other_hold_a_body(tilt, law):
     answer = resolve_scene([held, fork], [(0, 1)] * 2, contacts, ImpactModel(law))
     assert min(answer.normal_velocities_after) > -1e-15
     assert answer.kinetic_energy_after < answer.kinetic_energy_before
+
+
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])
+def test_no_contact_approaches_where_the_error_is_large(law):
+    """A point between two walls that nearly face each other, and beside a third: friction drives it there."""
+    point = Body.dynamic(1.0, velocity=(1, 0, -1))
+    turntable = Body.kinematic((1, 0, 0), (0, 0, 0), (0, 0, 1))
+    contacts = [
+        Contact.of((0.5, 0.5, 0), (0, 1.0000001, 0), 1.0, 1.0),
+        Contact.of((0, 0, 0.5), (-1, 0, 1), 1.0, 1.0),
+        Contact.of((0, -0.5, 0), (1.0000001, 0, 1e-7), 1.0, 1.0),
+        Contact.of((0.5, 0.5, 0), (0, 1e-7, 1.0000001), 0.5),
+    ]
+    answer = resolve_scene([point, turntable], [(0, 1)] * 4, contacts, ImpactModel(law))
+    assert min(answer.normal_velocities_after) > -1e-9

@@ -296,8 +296,8 @@ struct LeastWork {
   }
 
   // Friction may have made another contact approach, and the error of the programme any of them. Add the normal impulses
-  // that stop that, unless they do no more than this error. As a projection, the stop does not increase the error. Returns
-  // that of the stop.
+  // that stop that, unless they do little, and no more than this error. As a projection, the stop does not increase the
+  // error. Returns that of the stop.
   double stop_approach(const Motion& after, double error, std::vector<Axes>& P) const {
     const int count = assembly.count;
     std::vector<N> start;
@@ -315,7 +315,7 @@ struct LeastWork {
     // counts as large as if each contact were stopped by itself.
     const bool is_found = last.status == MinimumStatus::FOUND;
     const double size = is_found ? assembly.velocity_size(last.q.data()) : approach;
-    if (size <= error) return size;
+    if (size <= std::fmin(error, USEFUL_BOUND * speed)) return size;
     for (int i = 0; i < count; ++i) P[i][0] += last.q[i].h * assembly.contacts[i].length;
     return is_found ? last.error : INFINITY;
   }
