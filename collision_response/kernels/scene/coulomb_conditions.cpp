@@ -5,13 +5,13 @@
 // and friction opposes the slip after the impact: |P_t| <= mu P_n, and P_t = -mu P_n u_t+ / |u_t+| where there is slip.
 // So a contact that friction unloads parts, and one that it presses is loaded.
 //
-// These are the equations
+// The same in equations, with Q = P and any rho > 0:
 //
 //     P_n = max(0, Q_n - rho (u_n+ - r))    P_t = Q_t - rho u_t+, cut off at mu P_n
 //     y = B^T P: its effect on the bodies    u+ = u + B y
 //
-// with Q = P, for any rho > 0. For another Q, they are equations for y alone, which Newton's method solves. Q = 0 describes
-// contacts that give: by P / rho. They become harder step by step, as far as that leads. Then follow steps with Q = P.
+// For another Q, these are equations for y alone, which Newton's method solves. Q = 0 describes contacts that give: by
+// P / rho. They become harder step by step, as far as that leads. Then follow steps, each with the P of the last for Q.
 //
 // There may be several solutions, and many where friction is great or where more contacts than necessary share a load.
 // Contacts that give choose one that is as symmetric as the scene.
