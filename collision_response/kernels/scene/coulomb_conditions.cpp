@@ -59,7 +59,7 @@ class Conditions {
     log_rho = SOFT;
     if (!newton(FIRST_STEPS)) return false;
     raise_to(HARD);
-    sharpen();
+    sharpen(PATIENCE);
     return true;
   }
 
@@ -81,7 +81,8 @@ class Conditions {
       for (double& one : from[i]) one *= 1 + part * uneven(cone, 0, phase);
     }
     if (!proximal_step(HARD)) return false;
-    sharpen();
+    // Such velocities hardly ever allow an exact P, where contacts share a load.
+    sharpen(size == 0 ? PATIENCE : 1);
     return true;
   }
 
@@ -95,6 +96,7 @@ class Conditions {
   using Slope = Cone<double>::Slope;
   static constexpr double SOFT = -1, FIRM = 4, HARD = 6;  // decimal logarithms of rho
   static constexpr int FIRST_STEPS = 60, NEXT_STEPS = 30;  // of Newton's method
+  static constexpr int PATIENCE = 5;  // turns of sharpen() that gain little
 
   double budget;  // multiplications
   std::vector<Cone<double>> cones;
@@ -267,13 +269,13 @@ class Conditions {
   // Steps with Q = P, until P is exact or no longer becomes more so. They take a greater rho where they are slow, and a
   // smaller one where rho times a rounding is too much. Rounding must not make loads creep from contact to contact: P that
   // are hardly more exact count for nothing.
-  void sharpen() {
-    constexpr int MOST = 60, PATIENCE = 5;
+  void sharpen(int patience) {
+    constexpr int MOST = 60;
     constexpr double HARDEST = 12, FAST = 0.1, BETTER = 0.5, WORSE = 2, ROUNDING = 0x1p-49;
     std::vector<Axes> best = P;
     double least = off(), last = least, hardness = FIRM, hardest = HARDEST;
     auto is_exact = [&] { return least <= ROUNDING * std::fmax(1, greatest()); };
-    for (int turn = 0, idle = 0; turn < MOST && idle < PATIENCE && !is_exact() && has_budget(); ++turn) {
+    for (int turn = 0, idle = 0; turn < MOST && idle < patience && !is_exact() && has_budget(); ++turn) {
       from = P;
       if (!proximal_step(hardness)) break;
       const double now = off();
