@@ -253,7 +253,7 @@ class Conditions {
         step /= 2;
       }
     }
-    if (log_rho < last) newton(NEXT_STEPS);
+    if (log_rho < last) newton(NEXT_STEPS);  // the last try has changed P
   }
 
   // A step with the greatest rho for which Newton's method converges, if need be by way of smaller ones.
