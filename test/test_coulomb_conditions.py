@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import random
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import pytest
@@ -35,6 +35,13 @@ def corner(rng: random.Random) -> Scene:
         for x, z in rng.sample(NORMALS, 2)
     ]
     return Scene([body, Body.static()], [(0, 1)] * 2, contacts)
+
+
+def answers_in_corners(first: int) -> Iterator[tuple[int, Scene, SceneImpact]]:
+    """Yield seeds, a hundred from ``first``, their corners, and the answers of MOREAU."""
+    for seed in range(first, first + 100):
+        scene = corner(random.Random(seed))
+        yield seed, scene, scene.resolve(Law.MOREAU)
 
 
 class Equations(NamedTuple):
@@ -99,9 +106,7 @@ def test_bodies_in_corners(first):
     """The estimate of the error holds. Most have an answer; where bodies are wedged there may be none."""
     compared = 0
     with mp.workdps(50):
-        for seed in range(first, first + 100):
-            scene = corner(random.Random(seed))
-            answer = scene.resolve(Law.MOREAU)
+        for seed, scene, answer in answers_in_corners(first):
             if answer.adjustments & Adjustment.LAW_FALLBACK or answer.error_bound == math.inf:
                 continue
             off = distance_of_changes(scene, answer.changes, in_fifty_digits(scene, answer))
@@ -133,9 +138,8 @@ def energies_gained(scene: Scene) -> list[mpf]:
 def test_moreau_falls_back_where_no_solution_keeps_energy(first):
     fell_back = 0
     with mp.workdps(50):
-        for seed in range(first, first + 100):
-            scene = corner(random.Random(seed))
-            if scene.resolve(Law.MOREAU).adjustments & Adjustment.LAW_FALLBACK:
+        for seed, scene, answer in answers_in_corners(first):
+            if answer.adjustments & Adjustment.LAW_FALLBACK:
                 assert all(gain > 0 for gain in energies_gained(scene)), seed
                 fell_back += 1
     assert fell_back
