@@ -15,6 +15,9 @@ from collision_response.scene.rational_cluster import RationalCluster
 MU = 0.3
 
 SOURCE = """
+#include "scene/active_set.cpp"
+#include "scene/assembled.cpp"
+#include "scene/assembly.cpp"
 #include "scene/cluster.cpp"
 #include "scene/effect.cpp"
 #include "scene/least_norm.cpp"

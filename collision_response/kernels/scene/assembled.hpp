@@ -35,16 +35,7 @@ struct Centre {
   double energy;
   bool has_massless_spin;
 
-  explicit Centre(const double* body) {
-    T in[BODY];
-    const int exponent = exponent_of(body + BODY_ORIENTATION_X, 4);
-    for (int i = 0; i < BODY; ++i) in[i] = Make<T>::constant(body[i]);
-    for (int i = BODY_ORIENTATION_X; i < BODY_ORIENTATION_X + 4; ++i)
-      in[i] = Make<T>::constant(std::ldexp(body[i], -exponent));
-    centre<T>(in, numbers, &energy, &has_massless_spin);
-    std::copy_n(in + BODY_POSITION_X, 3, x);
-    std::copy_n(in + BODY_VELOCITY_X, 3, v);
-  }
+  explicit Centre(const double* body);
   Centre() = default;
 
   const T* com() const { return numbers + CENTRE_COM; }
@@ -68,6 +59,18 @@ struct Centre {
   }
 };
 
+template <class R>
+Centre<R> rounded_to(const Centre<N>& centre) {
+  Centre<R> rounded;
+  auto round = [](const N& x) { return rounded_to<R>(x); };
+  std::transform(std::begin(centre.numbers), std::end(centre.numbers), rounded.numbers, round);
+  std::transform(centre.x, centre.x + 3, rounded.x, round);
+  std::transform(centre.v, centre.v + 3, rounded.v, round);
+  rounded.energy = centre.energy;
+  rounded.has_massless_spin = centre.has_massless_spin;
+  return rounded;
+}
+
 struct AssembledBody {
   double x[BODY];  // as given
   int place = -1;  // among the movable bodies; -1: immovable
@@ -89,19 +92,12 @@ struct AssembledBody {
   }
 
   // Compute everything from x.
-  void prepare() {
-    centre = Centre<N>(x);
-    centre_in_doubles = Centre<double>(x);
-    // Doubles alone may find inertia about the axis of a thin rod, which is rounding.
-    std::transform(std::begin(centre.numbers), std::end(centre.numbers), centre_in_doubles.numbers,
-                   [](const N& x) { return high(x); });
-    centre_in_doubles.has_massless_spin = centre.has_massless_spin;
-  }
+  void prepare();
   template <class T>
   decltype(auto) centre_in() const {
     if constexpr (std::is_same_v<T, N>) return (centre);
     else if constexpr (is_scalar<T>) return (centre_in_doubles);
-    else return Centre<T>(x);
+    else return rounded_to<T>(centre);
   }
 };
 

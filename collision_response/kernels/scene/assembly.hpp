@@ -23,42 +23,10 @@ struct Assembly {
   bool is_locked = false;  // no velocity separates all contacts, as far as 32 digits can tell
 
   // Add a contact, given by its numbers.
-  void add(const AssembledBody& a, const AssembledBody& b, const double* given, double copies) {
-    AssembledContact contact{{a.place, b.place}, {-1, -1}};
-    const int exponent = exponent_of(given + CONTACT_NORMAL_X, 3);
-    for (int k = 0; k < 3; ++k) {
-      contact.point[k] = given[CONTACT_POSITION_X + k];
-      contact.normal[k] = std::ldexp(given[CONTACT_NORMAL_X + k], -exponent);
-    }
-    contact.e = given[CONTACT_RESTITUTION];
-    contact.mu = given[CONTACT_FRICTION];
-    contact.copies = copies;
-    contact.length = std::sqrt(dot(contact.normal, contact.normal, 3));
-    const AssembledBody* both[2] = {&a, &b};
-    for (int side = 0; side < 2; ++side) {
-      if (both[side]->is_movable()) continue;
-      if (!first_wall) first_wall = *both[side];
-      walls_move_apart = walls_move_apart || !both[side]->moves_with(*first_wall);
-      if (!both[side]->moves()) continue;
-      contact.wall[side] = static_cast<int>(walls.size());
-      walls.push_back(*both[side]);
-      has_moving_wall = true;
-    }
-    set_columns(contact);
-    contact.axes = axes_of<double>(contact);
-    contact.axes[0].velocity = high(contact.velocity) / contact.length;
-    contacts.push_back(contact);
-    ++count;
-  }
+  void add(const AssembledBody& a, const AssembledBody& b, const double* given, double copies);
 
   // After the last contact. If no contact approaches, there is no impulse, and nothing else to know.
-  void finish() {
-    for (AssembledContact& contact : contacts) contact.scale = 1 / std::sqrt(coupling<double>(contact, contact));
-    if (surely_separates()) return;
-    A = scaled_couplings<double>();
-    for (int i = 0; i < count; ++i) A[i * count + i] = 1;
-    is_locked = !find_separating_velocity<double>() && !find_separating_velocity<DD>();
-  }
+  void finish();
 
   // n.K n of two contacts, by the bodies that they share.
   template <class R>
@@ -81,106 +49,29 @@ struct Assembly {
     }
   }
 
-  bool is_finite() const {
-    auto is_number = [](double x) { return std::isfinite(x); };
-    for (const AssembledContact& contact : contacts) {
-      if (!is_number(contact.scale)) return false;
-      for (const auto& axis : contact.axes)
-        if (!is_number(axis.velocity)) return false;
-    }
-    return std::all_of(A.begin(), A.end(), is_number);
-  }
+  bool is_finite() const;
 
   // Whether every impulse that stops a fastest approach by itself is at least the least double.
-  bool has_representable_impulses() const {
-    double fastest = 0;
-    for (const AssembledContact& contact : contacts) fastest = std::fmax(fastest, -contact.axes[0].velocity);
-    return std::all_of(contacts.begin(), contacts.end(), [&](const AssembledContact& contact) {
-      double speed = -contact.axes[0].velocity;
-      return !(speed > 0 && speed >= fastest) || -high(contact.velocity) * contact.scale * contact.scale > 0;
-    });
-  }
+  bool has_representable_impulses() const;
 
   // Whether no contact approaches, whatever the error of its velocity.
-  bool surely_separates() const {
-    auto may_approach = [](const AssembledContact& contact) {
-      return !(high(contact.velocity) >= width(contact.velocity));
-    };
-    return std::none_of(contacts.begin(), contacts.end(), may_approach);
-  }
+  bool surely_separates() const;
   // Whether no contact seems to approach, but one may, within the error of its velocity.
-  bool approach_is_uncertain() const {
-    auto approaches = [](const AssembledContact& contact) { return high(contact.velocity) < 0; };
-    return std::none_of(contacts.begin(), contacts.end(), approaches) && !surely_separates();
-  }
+  bool approach_is_uncertain() const;
 
   // What happens along the unit normal and two tangents of a contact, in the digits of R. The velocities of the bodies,
   // and the arms, may nearly cancel, so their differences are taken in double-double.
   template <class R>
-  std::array<ContactAxis<R>, 3> axes_of(const AssembledContact& contact) const {
-    std::array<ContactAxis<R>, 3> axes{};
-    const auto directions = contact.unit_vectors<R>();
-    DD velocity[3]{};
-    for (int side = 0; side < 2; ++side) {
-      const AssembledBody* body = body_of(contact, side);
-      if (!body) continue;
-      DD d[3], com[3], spin[3], massless[3];  // d: from the reference point
-      R arm[3];
-      for (int k = 0; k < 3; ++k) {
-        com[k] = value(body->centre.com()[k]);
-        spin[k] = value(body->centre.numbers[CENTRE_EFFECTIVE_SPIN + k]);
-        massless[k] = value(body->centre.numbers[CENTRE_MASSLESS_SPIN + k]);
-        d[k] = DD{contact.point[k], 0} - value(body->centre.x[k]);
-        arm[k] = rounded_to<R>(d[k] - com[k]);
-      }
-      const std::array<DD, 3> by_spin = cross(spin, d), by_massless_spin = cross(massless, com);
-      for (int k = 0; k < 3; ++k) {
-        const DD of_body = value(body->centre.v[k]) + by_spin[k] + by_massless_spin[k];
-        velocity[k] = side ? velocity[k] - of_body : of_body;
-      }
-      if (!body->is_movable()) continue;
-      const auto& centre = body->template centre_in<R>();
-      for (int axis = 0; axis < 3; ++axis)
-        centre.to_energy_metric(directions[axis].data(), arm, side ? -1 : 1, axes[axis].row[side]);
-    }
-    for (int axis = 0; axis < 3; ++axis)
-      for (int k = 0; k < 3; ++k)
-        axes[axis].velocity = axes[axis].velocity + directions[axis][k] * rounded_to<R>(velocity[k]);
-    return axes;
-  }
+  std::array<ContactAxis<R>, 3> axes_of(const AssembledContact& contact) const;
 
   // The changes of the twists of the movable bodies by impulses p.
-  std::vector<N> twist_changes(const DD* p) const {
-    std::vector<N> twists(6 * static_cast<size_t>(body_count), exact(0.0));
-    for (int i = 0; i < count; ++i) {
-      if (p[i].h == 0) continue;
-      for (int side = 0; side < 2; ++side)
-        if (contacts[i].body[side] >= 0) {
-          N* twist = &twists[6 * contacts[i].body[side]];
-          for (int k = 0; k < 6; ++k) twist[k] = twist[k] + contacts[i].response[side][k] * exact(p[i]);
-        }
-    }
-    return twists;
-  }
+  std::vector<N> twist_changes(const DD* p) const;
 
   // The change of a normal velocity, times the length of the normal, by changes of twists.
-  N velocity_change(const AssembledContact& contact, const std::vector<N>& twists) const {
-    N sum = exact(0.0);
-    for (int side = 0; side < 2; ++side)
-      if (contact.body[side] >= 0)
-        for (int k = 0; k < 6; ++k) sum = sum + contact.jacobian[side][k] * twists[6 * contact.body[side] + k];
-    return sum;
-  }
+  N velocity_change(const AssembledContact& contact, const std::vector<N>& twists) const;
 
   // The normal velocities after impulses p, times the lengths of the normals.
-  std::vector<N> velocities(const DD* p) const {
-    std::vector<N> u(count);
-    for (int i = 0; i < count; ++i) u[i] = contacts[i].velocity;
-    if (std::all_of(p, p + count, [](const DD& x) { return x.h == 0; })) return u;
-    std::vector<N> twists = twist_changes(p);
-    for (int i = 0; i < count; ++i) u[i] = u[i] + velocity_change(contacts[i], twists);
-    return u;
-  }
+  std::vector<N> velocities(const DD* p) const;
 
   // An upper bound on |M^-1 N p| in the metric of kinetic energy.
   double velocity_size(const DD* p) const {
@@ -201,14 +92,7 @@ struct Assembly {
   mutable std::vector<DD> finer_A;  // found when it is first asked for
 
   template <class R>
-  std::vector<R> scaled_couplings() const {
-    std::vector<R> matrix(static_cast<size_t>(count) * count);
-    for (int i = 0; i < count; ++i)
-      for (int j = 0; j <= i; ++j)
-        matrix[i * count + j] = matrix[j * count + i] =
-            coupling<R>(contacts[i], contacts[j]) * (constant<R>(contacts[i].scale) * constant<R>(contacts[j].scale));
-    return matrix;
-  }
+  std::vector<R> scaled_couplings() const;
 
   // One body of a contact; nullptr: it is at rest and immovable.
   const AssembledBody* body_of(const AssembledContact& contact, int side) const {
@@ -217,54 +101,7 @@ struct Assembly {
                                      : nullptr;
   }
 
-  // The formula of physics/column.py for both bodies of a contact, along its normal.
-  void set_columns(AssembledContact& contact) const {
-    const AssembledBody* both[2] = {body_of(contact, 0), body_of(contact, 1)};
-    constexpr int V = BODY_VELOCITY_X;
-    // A common velocity cancels: leave out its rounding.
-    const bool is_common = both[0] && both[1] && std::equal(both[0]->x + V, both[0]->x + V + 3, both[1]->x + V);
-    N velocity[2] = {};
-    for (int side = 0; side < 2; ++side) {
-      if (!both[side]) continue;
-      const Centre<N>& centre = both[side]->centre;
-      N *jacobian = contact.jacobian[side], *response = contact.response[side];
-      N in[CENTRE_COUNT + 9]{}, out[10];
-      std::copy(centre.numbers, centre.numbers + CENTRE_COUNT, in);
-      if (!is_common) std::copy(centre.v, centre.v + 3, in + CENTRE_COUNT);
-      for (int k = 0; k < 3; ++k) {
-        in[CENTRE_COUNT + 3 + k] = exact(contact.point[k]) - centre.x[k];
-        in[CENTRE_COUNT + 6 + k] = jacobian[k] = exact(contact.normal[k]);
-      }
-      column<N>(in, out, nullptr, nullptr);
-      velocity[side] = out[0];
-      std::copy(out + 1, out + 4, jacobian + 3);
-      std::copy(out + 4, out + 10, response);
-      for (int k = 0; side && k < 6; ++k) {  // body_b gets the opposite
-        jacobian[k] = -jacobian[k];
-        response[k] = -response[k];
-      }
-    }
-    contact.velocity = velocity[0] - velocity[1];
-  }
-
-  // Find a velocity that separates all contacts, in the digits of R: the least d with N^T d >= 1, scaled. Whether it
-  // does.
+  void set_columns(AssembledContact& contact) const;
   template <class R>
-  bool find_separating_velocity() {
-    const Minimum<R> minimum = minimise(couplings<R>(), std::vector<R>(count, constant<R>(-1)), all_contacts());
-    std::vector<DD> d(count);
-    for (int i = 0; i < count; ++i) d[i] = lifted<DD>(minimum.x[i] * constant<R>(contacts[i].scale));
-    std::vector<N> twists = twist_changes(d.data());
-    separation.resize(count);
-    double square = 0;
-    bool separates = true;
-    for (int i = 0; i < count; ++i) {
-      N rho = velocity_change(contacts[i], twists);
-      separation[i] = (high(rho) - width(rho)) * contacts[i].scale;
-      square += d[i].h * (high(rho) + width(rho));
-      separates = separates && separation[i] > 0.5;
-    }
-    separating_size = std::sqrt(square) * (1 + 1e-9);
-    return separates;
-  }
+  bool find_separating_velocity();
 };
