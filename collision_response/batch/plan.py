@@ -107,9 +107,9 @@ _recent_plans: dict[tuple[Any, ...], tuple[ImpactModel, BatchPlan]] = {}
 def _plan(rows: int, height: int, dtype: np.dtype[Any], model: ImpactModel) -> BatchPlan:
     layout = TABLE_LAYOUTS[rows]
     geometry, contact = layout.geometry, layout.contacts
-    least, most = contact.friction.start, contact.height + 1
-    if height not in (least, contact.height, most):
-        raise ValueError(f"contacts: {geometry.name} has {least} to {most} rows, not {height}")
+    heights = contact.heights
+    if height not in heights:
+        raise ValueError(f"contacts: {geometry.name} has {heights[0]} to {heights[-1]} rows, not {height}")
     _check_model(model, geometry, dtype)
     law = law_for(model.law, has_friction=height >= contact.height)
     if law is not Law.FRICTIONLESS and height < contact.height:

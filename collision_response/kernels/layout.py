@@ -69,6 +69,11 @@ class ContactRows(NamedTuple):
     tangential_restitution: int
     height: int
 
+    @property
+    def heights(self) -> range:
+        """The numbers of rows that a table may have."""
+        return range(self.friction.start, self.height + 2)
+
 
 def widths_of(fields: dict[str, list[str]]) -> dict[str, int]:
     """Return the number of components of each field."""

@@ -87,14 +87,14 @@ def unpack(response: Response) -> BatchResult:
 
 def _check_shapes(bodies: Array, pairs: Array, contacts: Array) -> None:
     if bodies.ndim != 2 or bodies.shape[0] not in TABLE_LAYOUTS:
-        heights = " or ".join(map(str, TABLE_LAYOUTS))
-        raise ValueError(f"bodies: must be of shape ({heights}, B), is {bodies.shape}")
+        known = " or ".join(map(str, TABLE_LAYOUTS))
+        raise ValueError(f"bodies: must be of shape ({known}, B), is {bodies.shape}")
     if pairs.ndim != 2 or pairs.shape[0] != 2:
         raise ValueError(f"pairs: must be of shape (2, N), is {pairs.shape}")
-    n, rows = pairs.shape[1], TABLE_LAYOUTS[bodies.shape[0]].contacts
-    least, most = rows.friction.start, rows.height + 1
-    if contacts.ndim != 2 or contacts.shape[1] != n or not least <= contacts.shape[0] <= most:
-        raise ValueError(f"contacts: must be of shape ({least} to {most}, {n}), is {contacts.shape}")
+    n, heights = pairs.shape[1], TABLE_LAYOUTS[bodies.shape[0]].contacts.heights
+    if contacts.ndim != 2 or contacts.shape[1] != n or contacts.shape[0] not in heights:
+        shape = f"({heights[0]} to {heights[-1]}, {n})"
+        raise ValueError(f"contacts: must be of shape {shape}, is {contacts.shape}")
     for name, table in (("bodies", bodies), ("contacts", contacts), ("pairs", pairs)):
         if table.dtype.kind not in "biuf":
             raise ValueError(f"{name}: must be real numbers, is {table.dtype}")

@@ -159,11 +159,11 @@ def pairs_of(request: Request, max_contacts: int) -> Array:
 
 def contacts_of(request: Request, layout: Layout, n: int) -> Array:
     """Table of the ``n`` contacts, shape ``(rows, n)``. Another number of rows is refused (INVALID_TABLE)."""
-    numbers, contact_rows = np.asarray(request.contacts), layout.contacts
-    rows = numbers.size // n if n else contact_rows.height
-    fewest, most = contact_rows.friction.start, contact_rows.height + 1
-    if numbers.size != rows * n or not fewest <= rows <= most:
-        reason = f"must hold {fewest} to {most} rows of {n} for {layout.name}, holds {numbers.size} numbers"
+    numbers, heights = np.asarray(request.contacts), layout.contacts.heights
+    rows = numbers.size // n if n else layout.contacts.height
+    if numbers.size != rows * n or rows not in heights:
+        held = f"{heights[0]} to {heights[-1]} rows of {n} for {layout.name}"
+        reason = f"must hold {held}, holds {numbers.size} numbers"
         raise ImpactError(StatusCode.INVALID_TABLE, "contacts", reason)
     return numbers.reshape(rows, n)
 

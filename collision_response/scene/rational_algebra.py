@@ -30,7 +30,7 @@ def minimise(A: Sequence[Numbers], b: Numbers, nonnegative: Sequence[int], free:
     Components in ``nonnegative`` are >= 0, those in ``free`` have any sign, and the others are 0. A free
     component whose column of ``A`` depends on those of other free components also stays 0.
 
-    This is the active-set method of ``kernels/scene/active_set.hpp``. The component with the smallest index
+    This is the active-set method of ``kernels/scene/active_set.cpp``. The component with the smallest index
     enters, so that the method does not cycle.
     """
     x = [ZERO] * len(b)

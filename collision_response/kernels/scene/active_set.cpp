@@ -1,4 +1,4 @@
-// The methods of active_set.hpp.
+// The active set of active_set.hpp, and the minimum that it finds.
 #include "active_set.hpp"
 
 template <class R>

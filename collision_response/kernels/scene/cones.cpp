@@ -1,5 +1,5 @@
-// The programme of cones.hpp is solved by steps of the augmented Lagrangian method. With Q for the P on the right, each step minimises over
-// eta and lambda
+// The programme of cones.hpp is solved by steps of the augmented Lagrangian method. With Q for the P on the right, each
+// step minimises over eta and lambda
 //
 //     |eta + N^T lambda|^2 / 2 - c.lambda + sum |P_i|^2 / (2 rho_i) + |lambda - lambda_0|^2 / (2 sigma)
 //

@@ -2,8 +2,6 @@
 #pragma once
 #include "impulses.hpp"
 
-constexpr double USEFUL_BOUND = 0x1p-20;  // an error bound above this says little: as in model.py
-
 // FRICTIONLESS: reflections.cpp. Contacts that approach more slowly than `threshold`, relative to the fastest approach,
 // are not reflected.
 ClusterImpulses reflections(const Assembly& assembly, double threshold);
@@ -16,7 +14,6 @@ ClusterImpulses least_work_friction(const Assembly& assembly, const ClusterImpul
 ClusterImpulses moreau(const Assembly& assembly, bool has_friction);
 
 // ROUTH_STRONGE: stronge.cpp.
-constexpr double LEAST_SPRING_RESTITUTION = 0.05;  // below, a path takes too long to end; as in kernels/protocol.py
 struct SpringOptions {
   Vector stiffness{};  // of each contact, in any unit; empty: all are equal
   double exponent = 1.5;  // eta

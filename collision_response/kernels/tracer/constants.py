@@ -8,7 +8,7 @@ from typing import Any
 
 from ...answer import Impact
 from ...impact import Flags, Report
-from ...model import Adjustment, Geometry, Precision
+from ...model import USEFUL_BOUND, Adjustment, Geometry, Precision
 from ...numbers.operations import numbers_in
 from ...physics.body import Body
 from ...physics.contact import Contact
@@ -27,7 +27,14 @@ from ..layout import (
     names_of_inputs,
     rows_in_everything,
 )
-from ..protocol import RATIONAL_CONTACTS, REFLECTIONS, Handover, NumberType, ValidityFlag
+from ..protocol import (
+    LEAST_SPRING_RESTITUTION,
+    RATIONAL_CONTACTS,
+    REFLECTIONS,
+    Handover,
+    NumberType,
+    ValidityFlag,
+)
 from .units import units
 
 ENUMERATIONS: dict[str, Iterable[Any]] = {
@@ -104,6 +111,8 @@ def constants() -> str:
     table_layouts = "".join(f"  {_table_layout(layout)},\n" for layout in LAYOUTS_OF_TABLES)
     return (
         f"enum {{\n{enumerators}}};\n"
+        f"constexpr double USEFUL_BOUND = {USEFUL_BOUND.hex()};  // an error bound above this says little\n"
+        f"constexpr double LEAST_SPRING_RESTITUTION = {LEAST_SPRING_RESTITUTION};\n"
         f"{offsets('LAW_INPUT', *LAW_ARGUMENTS)}"
         f"#define EACH_FORMULA(X) {' '.join(f'X({formula})' for formula in formulas)}\n"
         f"static const signed char formula_of[] = {_braced(formula_of)};  // by law\n"
