@@ -28,6 +28,7 @@ from collisions import (
     random_collision,
 )
 from differences import assert_agrees, by_differences, by_differences_of_resolve
+from refusals import refused
 from scene_cases import rotate
 
 from collision_response import (
@@ -772,3 +773,25 @@ def test_moreau_jumps_where_the_least_slip_would_create_energy(restitution, mark
     contact = Contact.of((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), restitution, friction=1.0)
     found = differentiate(rod, Body.static(), contact, ImpactModel(Law.MOREAU), ["body_a.velocity"])
     assert found.smoothness[0] == mark
+
+
+def derivatives_beside_a_point_mass_at(far: float, law: Law) -> np.ndarray:
+    tiny = Body.sphere(1.0, 1e-60, position=(0, 0, 1e-60), velocity=(0.1, 0, -1.0))
+    contact = Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.3)
+    names = ["body_a.velocity", "body_a.angular_velocity", "contact.friction"]
+    return differentiate(
+        tiny, Body.dynamic(1.0, position=(far, 0, 0)), contact, ImpactModel(law), names
+    ).jacobian
+
+
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+def test_a_point_mass_has_no_lever_arm(law):
+    near = derivatives_beside_a_point_mass_at(1.0, law)
+    for far in (1e100, 1e150, 1e200):
+        np.testing.assert_allclose(derivatives_beside_a_point_mass_at(far, law), near, rtol=1e-12)
+
+
+def test_moments_of_inertia_that_are_lost_are_refused():
+    """In units in which nothing overflows, the sphere would have none."""
+    with refused(StatusCode.OUT_OF_RANGE, "result"):
+        derivatives_beside_a_point_mass_at(1e300, Law.COULOMB)

@@ -30,6 +30,7 @@ from collision_response.batch import body_rows, contact_rows, resolve_batch
 from collision_response.derivatives import (
     SurfaceMotion,
     corner_on_plane,
+    differentiate,
     point_on_plane,
     propagate_covariance,
     saltation_matrix,
@@ -530,6 +531,75 @@ def test_extremes_are_answered_or_refused_without_a_warning(extreme, sd):
         assert np.isfinite(found.covariance).all()
 
 
+TRIPLES = [(3, 0, 4), (1, 0, 3), (8, 0, 15), (-7, 0, 24), (20, 0, -21), (0, 5, 12), (1, 2, 2), (-2, 3, 6)]
+"""Normals of which no float along the unit normal is exact."""
+
+
+def across(n) -> tuple[float, ...]:
+    """A velocity that is exactly perpendicular to the normal."""
+    x, y, z = n
+    return (
+        (float(-z), 0.25, float(x))
+        if y == 0
+        else (0.25, float(-z), float(y))
+        if x == 0
+        else (2.0 * y, -2.0 * x, 0)
+    )
+
+
+@pytest.mark.parametrize("power", [0, -300, 300])
+@pytest.mark.parametrize("n", TRIPLES, ids=str)
+def test_bodies_that_just_graze_are_refused(n, power):
+    contact = Contact.of((0, 0, 0), [math.ldexp(x, power) for x in n], 0.5, 0.3)
+    v = tuple(x if n[k] else 0.0 for k, x in enumerate(across(n)))
+    for body, surfaces in (
+        (Body.dynamic(1.0, velocity=v), point_on_plane),
+        (ball(velocity=v, angular_velocity=(0.0, 0.0, 0.0)), sphere_on_plane(RADIUS)),
+    ):
+        assert resolve(body, Body.static(), contact).status is StatusCode.SEPARATING
+        with refused(StatusCode.SEPARATING, "contact.normal"):
+            saltation_matrix(body, Body.static(), contact, ImpactModel(), surfaces)
+        with refused(StatusCode.SEPARATING, "contact.normal"):
+            propagate_covariance(body, Body.static(), contact, ImpactModel(), np.eye(12), surfaces)
+
+
+def test_surfaces_that_just_graze_by_a_spin_that_is_left_out_are_refused():
+    body_a = Body.dynamic(1.0, (0.5, 0, 0, 0.5, 0, 0.5), velocity=(-0.5, 0.0, 1.5))
+    body_b = Body.dynamic(
+        1.0, position=(1.0, 0, 0), velocity=(1.75, -1.5, -0.5), angular_velocity=(-2.0, -1.25, 1.5)
+    )
+    contact = Contact.of((0, -0.5, 0), (-3, 0, -4), 1.0, 0.25)
+    with refused(StatusCode.SEPARATING, "contact.normal"):
+        saltation_matrix(body_a, body_b, contact, ImpactModel(), corner_on_plane)
+
+
+@pytest.mark.parametrize("speed", [1.0, 1.1, 0.3, 7.0])
+@pytest.mark.parametrize("n", [(2, 3, 6), (0, 5, 12), (1, 2, 2), (3, 0, 4), (2, 6, 9)], ids=str)
+def test_the_restitution_is_that_of_the_impact_on_the_edge_of_the_threshold(n, speed):
+    """The derivative of the velocity along the normal is minus the restitution that counts."""
+    n, length = np.array(n, float), math.hypot(*n)
+    body, contact = (
+        Body.dynamic(1.0, velocity=tuple((-speed * n).tolist())),
+        Contact.of((0, 0, 0), n, 0.5, 0.3),
+    )
+    for threshold in (
+        speed * length,
+        math.nextafter(speed * length, 0),
+        math.nextafter(speed * length, math.inf),
+    ):
+        model = ImpactModel(Law.COULOMB, restitution_threshold=threshold)
+        impact = resolve(body, Body.static(), contact, model)
+        e = 0.0 if Adjustment.RESTITUTION_THRESHOLD in impact.adjustments else 0.5
+        matrix = saltation_matrix(body, Body.static(), contact, model, point_on_plane, (0.0, 0.0, 0.0))
+        assert -(n @ matrix[6:9, 6:9] @ n) / length**2 == pytest.approx(e, abs=1e-12)
+        by_velocity = differentiate(body, Body.static(), contact, model).of(
+            "twist_a.linear", "body_a.velocity"
+        )
+        assert -(n @ by_velocity @ n) / length**2 == pytest.approx(e, abs=1e-12)
+        found = propagate_covariance(body, Body.static(), contact, model, np.eye(12), point_on_plane)
+        assert not found.is_reliable  # the threshold is near
+
+
 @pytest.mark.parametrize("speed", [1e-310, 5e-324])
 def test_an_impact_that_hardly_approaches_is_refused(speed):
     slow = ball(velocity=(1.0, 0.0, -speed)), Body.static(), FLOOR, ImpactModel(Law.COULOMB)
@@ -655,6 +725,12 @@ def test_an_invalid_radius_is_refused_by_name(form, field):
     bodies = ball(), ball(velocity=(0.0, 0.0, 1.0)), FLOOR
     for one, other in zip(form(Fraction(1, 8))(*bodies), form(0.125)(*bodies), strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("function", [sphere_on_plane, sphere_on_sphere])
+def test_a_function_that_makes_surfaces_is_refused_by_name(function):
+    with pytest.raises(TypeError, match=r"^surfaces: must be what sphere_on_plane\(radius\)"):
+        saltation_matrix(ball(), Body.static(), FLOOR, ImpactModel(), function)
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.25, -0.25, Fraction(1, 3)])

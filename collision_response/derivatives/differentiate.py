@@ -8,6 +8,7 @@ differentiated with the length that it has.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
 from enum import IntEnum
 from functools import lru_cache
@@ -34,7 +35,7 @@ from ..kernels.layout import (
     slices_of,
     widths_of,
 )
-from ..model import DEFAULT, Geometry, ImpactModel, law_for, plan_model
+from ..model import DEFAULT, Adjustment, Geometry, ImpactModel, law_for, plan_model
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Settings
@@ -152,7 +153,8 @@ def differentiate(
         ImpactError: as :func:`~collision_response.resolve`, or with the status INVALID_COEFFICIENT if a
             coefficient is a function, INVALID_MODEL if the geometry is another one or a name is not in
             :data:`PARAMETERS` or there twice, INVALID_INERTIA if a body is articulated, OUT_OF_RANGE if a
-            derivative is beyond float64 or the path of COMPLIANT has too many steps.
+            derivative is beyond float64, the path of COMPLIANT has too many steps, or the inverse mass at the
+            contact is singular in float64, as with a lever arm 1e8 times as long as the radius of gyration.
         TypeError: as :func:`~collision_response.resolve`, or if ``with_respect_to`` does not hold names.
     """
     directions, columns = _directions_and_columns(with_respect_to)
@@ -170,12 +172,21 @@ def differentiate(
     if contact.tangential_restitution is not None:
         model = model._replace(tangential_restitution=contact.tangential_restitution)
     count = directions.shape[1]
-    jacobian, smoothness = np.empty((RESULT_COUNT, count)), np.empty(count, np.uint8)
     numbers, _ = library.numbers_with_errors(body_a, body_b, contact)
-    inputs = numbers[:_BYTES_BEFORE_SETTINGS] + _PACKED_SETTINGS.pack(*_settings_of(model))
-    if not _derivatives.differentiate(law, 1, count, True, inputs, directions, jacobian, smoothness):
-        reason = "a derivative is beyond float64 or could not be computed"
-        raise ImpactError(StatusCode.OUT_OF_RANGE, "result", reason)
+
+    def found_with(model: ImpactModel) -> tuple[Array, Array]:
+        jacobian, smoothness = np.empty((RESULT_COUNT, count)), np.empty(count, np.uint8)
+        inputs = numbers[:_BYTES_BEFORE_SETTINGS] + _PACKED_SETTINGS.pack(*_settings_of(model))
+        if not _derivatives.differentiate(law, 1, count, True, inputs, directions, jacobian, smoothness):
+            reason = "a derivative is beyond float64 or could not be computed"
+            raise ImpactError(StatusCode.OUT_OF_RANGE, "result", reason)
+        return jacobian, smoothness
+
+    jacobian, smoothness = found_with(model)
+    if model.restitution_threshold > 0 and contact.restitution > 0 and Smoothness.JUMP in smoothness:
+        # Rounding may have decided otherwise than for the answer: now no approach is near the threshold.
+        is_slow = Adjustment.RESTITUTION_THRESHOLD in impact.adjustments
+        jacobian, _ = found_with(model._replace(restitution_threshold=sys.float_info.max if is_slow else 0.0))
     return Derivatives(impact, jacobian, smoothness, dict(columns))
 
 

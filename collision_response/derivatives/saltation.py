@@ -21,6 +21,7 @@ Proc. IEEE 112 (2024).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
@@ -29,7 +30,7 @@ import numpy as np
 from ..arguments import finite_number
 from ..batch.arrays import Array
 from ..body_conversions import com_in_world_axes
-from ..in_python.request_numbers import read_request
+from ..in_python.request_numbers import body_as_fractions, contact_as_fractions, read_request
 from ..model import DEFAULT, Adjustment, ImpactModel
 from ..physics.body import Body
 from ..physics.contact import Contact
@@ -38,7 +39,7 @@ from ..physics.vector import Vec3, as_vector
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
 from .differentiate import Derivatives, check_coefficients, differentiate
-from .surfaces import SurfaceMotion, Surfaces, unit_normal
+from .surfaces import SurfaceMotion, Surfaces, sphere_on_plane, sphere_on_sphere, unit_normal
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.80665)
 
@@ -95,7 +96,8 @@ def saltation_matrix(
         ImpactError: as ``differentiate``, or with the status INVALID_NORMAL if ``surfaces`` is missing or has
             a matrix that does not hold finite numbers of the right shape, SEPARATING if there is no impact,
             NOT_FINITE if ``gravity`` is not finite, or OUT_OF_RANGE if a result is beyond float64.
-        TypeError: as ``differentiate``, or if ``gravity`` is not a vector of real numbers.
+        TypeError: as ``differentiate``, or if ``gravity`` is not a vector of real numbers, or ``surfaces`` a
+            function that makes such a function.
     """
     impact = linearise(body_a, body_b, contact, model, surfaces, gravity)
     return impact.matrix[np.ix_(impact.movable, impact.movable)]
@@ -120,8 +122,8 @@ def linearise(
     request = body_a, body_b, contact, model
     motion = _surface_motion(surfaces, body_a, body_b, contact)
     names = [*STATE, "contact.position", "contact.normal", *COEFFICIENTS]
+    derivatives = _differentiate_by_unit_normal(body_a, body_b, contact, model, names)
     contact = contact._replace(normal=Vec3(*unit_normal(contact).tolist()))
-    derivatives = differentiate(body_a, body_b, contact, model, names)
     J = derivatives.jacobian[:12]  # rows of the twists
     dv_dC, dv_dn = (J[:, derivatives.columns[name]] for name in ("contact.position", "contact.normal"))
     tangential = np.eye(3) - np.outer(contact.normal, contact.normal)
@@ -143,7 +145,7 @@ def linearise(
     F_after = np.concatenate([_free_flight_rate(body, gravity) for body in bodies_after])
     u_n = impact.normal_velocity_before
     if Adjustment.MASSLESS_SPIN in impact.adjustments:  # the rotation left out moves the surface all the same
-        u_n = float(Dg @ F_before)
+        u_n = _normal_velocity_of_surfaces(body_a, body_b, impact.contact)
     if impact.regime is Regime.SEPARATING or not u_n < 0:
         raise ImpactError(
             StatusCode.SEPARATING, "contact.normal", f"there is no impact: the normal velocity is {u_n}"
@@ -152,6 +154,38 @@ def linearise(
     check_finite("matrix", matrix, "the bodies approach too slowly")
     movable = [12 * side + i for side, body in enumerate(bodies) if body.is_movable() for i in range(12)]
     return LinearisedImpact(request, derivatives, matrix, by_normal, motion, movable)
+
+
+def _differentiate_by_unit_normal(
+    body_a: Body, body_b: Body, contact: Contact, model: ImpactModel, names: Iterable[str]
+) -> Derivatives:
+    """Differentiate an impact, by the unit normal in place of the normal as it is given.
+
+    The unit normal is rounded, which may decide whether bodies that just graze approach. So the normal keeps
+    its digits: a power of two brings it near length 1.
+    """
+    exponent = math.frexp(max(map(abs, contact.normal)))[1]
+    near_unit = Vec3(*(math.ldexp(x, -exponent) for x in contact.normal))
+    found = differentiate(body_a, body_b, contact._replace(normal=near_unit), model, names)
+    found.jacobian[:, found.columns["contact.normal"]] *= math.hypot(*near_unit)
+    return found
+
+
+def _normal_velocity_of_surfaces(body_a: Body, body_b: Body, contact: Contact) -> float:
+    """Return the normal velocity at the contact, with all rotation.
+
+    It is computed in fractions, because surfaces that just graze have none.
+
+    Raises:
+        ImpactError: OUT_OF_RANGE if it is beyond float64.
+    """
+    exact, bodies = contact_as_fractions(contact), map(body_as_fractions, (body_a, body_b))
+    a, b = (body.velocity + body.angular_velocity.cross(exact.position - body.position) for body in bodies)
+    try:
+        return float(exact.normal.dot(a - b)) / math.hypot(*contact.normal)
+    except OverflowError:
+        reason = "a number is beyond float64: the surfaces move too fast"
+        raise ImpactError(StatusCode.OUT_OF_RANGE, "matrix", reason) from None
 
 
 def check_finite(name: str, array: Array, cause: str) -> None:
@@ -179,6 +213,9 @@ def _surface_motion(
     surfaces: Surfaces | SurfaceMotion | None, body_a: Body, body_b: Body, contact: Contact
 ) -> SurfaceMotion:
     """Return the motion that ``surfaces`` gives, checked."""
+    given: object = surfaces
+    if given in (sphere_on_plane, sphere_on_sphere):
+        raise TypeError("surfaces: must be what sphere_on_plane(radius) or sphere_on_sphere(...) returns")
     motion = surfaces(body_a, body_b, contact) if callable(surfaces) else surfaces
     if motion is None:
         reason = (

@@ -185,8 +185,13 @@ struct Differentiation {
     SparseDerivatives parameters[PARAMETERS];
     for (int p = 0; p < PARAMETERS; ++p) parameters[p] = parameter(p, at, first, width, power_of_parameter(p, units));
     SparseDual in[INPUTS], y[CHANGES];
-    for (int i = 0; i < INPUTS; ++i)
-      in[i] = SparseDual(Make<Bounded<double>>::constant(scaled(x[i], units.power_of(input_units[i]))));
+    bool loses_inertia = false;
+    for (int i = 0; i < INPUTS; ++i) {
+      const double number = scaled(x[i], units.power_of(input_units[i]));
+      in[i] = SparseDual(Make<Bounded<double>>::constant(number));
+      loses_inertia = loses_inertia || (is_inertia(i) && number == 0 && x[i] != 0);
+    }
+    if (loses_inertia) return refuse(at, first, width);
     seed(in, parameters);
     changes(in, y, nullptr, nullptr, LawImpulse{law, width});
     Edges kinks = 0, jumps = 0;
@@ -218,6 +223,13 @@ struct Differentiation {
       return x == 0 || std::isinf(x) || (0x1p-60 < std::fabs(x) && std::fabs(x) < 0x1p60);
     };
     return std::all_of(x, x + INPUTS, is_usual) ? Units{} : Units::of(x, false);
+  }
+  // Whether an input is a moment or product of inertia. In units in which it is 0, the body would not turn.
+  static bool is_inertia(int i) { return i < IN_CONTACT && i % BODY >= BODY_INERTIA_XX && i % BODY <= BODY_INERTIA_ZZ; }
+  void refuse(long at, long first, int width) const {
+    for (int i = 0; i < RESULTS; ++i)
+      for (int k = 0; k < width; ++k) jacobian[(i * count + first + k) * n + at] = NAN;
+    for (int k = 0; k < width; ++k) smoothness[(first + k) * n + at] = 0;
   }
   // The power of two that a parameter is multiplied by; 0 for a rotation.
   static int power_of_parameter(int p, const Units& units) {

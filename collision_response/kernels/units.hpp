@@ -30,21 +30,26 @@ struct Units {
     if (!(mass < INFINITY)) mass = 1;
     // The lesser mass becomes about 1, unless the other would become infinite, which means immovable.
     int mass_power = heaviest < INFINITY ? std::max(std::ilogb(mass), std::ilogb(heaviest) - 900) : std::ilogb(mass);
-    double lengths[8], speeds[3], spins[6];
-    for (int k = 0; k < 3; ++k) {
-      lengths[k] = point[k] - a[BODY_POSITION_X + k];
-      lengths[3 + k] = point[k] - b[BODY_POSITION_X + k];
-      speeds[k] = a[BODY_VELOCITY_X + k] - b[BODY_VELOCITY_X + k];
-      spins[k] = a[BODY_ANGULAR_VELOCITY_X + k];
-      spins[3 + k] = b[BODY_ANGULAR_VELOCITY_X + k];
-    }
+    double arms[6], lengths[8]{}, speeds[3], spins[6];
     for (int side = 0; side < 2; ++side) {
       const double* body = input + side * BODY;
       double trace = body[BODY_INERTIA_XX] / 4 + body[BODY_INERTIA_YY] / 4 + body[BODY_INERTIA_ZZ] / 4;
       lengths[6 + side] = trace > 0 ? std::sqrt(trace) / std::sqrt(body[BODY_MASS]) : articulated_length[side];
+      const bool has_lever = articulated || trace > 0 || !(body[BODY_MASS] < INFINITY);  // a point mass has none
+      for (int k = 0; k < 3; ++k) {
+        arms[3 * side + k] = point[k] - body[BODY_POSITION_X + k];
+        if (has_lever) lengths[3 * side + k] = arms[3 * side + k];
+      }
     }
-    int length = exponent(lengths, 8);
+    for (int k = 0; k < 3; ++k) {
+      speeds[k] = a[BODY_VELOCITY_X + k] - b[BODY_VELOCITY_X + k];
+      spins[k] = a[BODY_ANGULAR_VELOCITY_X + k];
+      spins[3 + k] = b[BODY_ANGULAR_VELOCITY_X + k];
+    }
     auto is_zero = [](double x) { return x == 0; };
+    // Arms without an effect only must not leave the range when they are squared.
+    int length = exponent(arms, 6);
+    if (!std::all_of(lengths, lengths + 8, is_zero)) length = std::max(exponent(lengths, 8), length - 400);
     int speed = exponent(speeds, 3), tip_speed = exponent(spins, 6) + length;
     if (!std::all_of(spins, spins + 6, is_zero))
       speed = std::all_of(speeds, speeds + 3, is_zero) ? tip_speed : std::max(speed, tip_speed);
