@@ -176,7 +176,14 @@ class Materials:
             raise ImpactError(StatusCode.UNKNOWN_MATERIAL, field, f"is {quoted(name)}; the file has {names}")
 
     def between(self, a: str, b: str) -> Pair:
-        """Return the entry of the pair ``a`` and ``b``, or an empty entry if the file has none."""
+        """Return the entry of the pair ``a`` and ``b``, or an empty entry if the file has none.
+
+        Raises:
+            TypeError: if a name is not text.
+        """
+        for field, name in (("a", a), ("b", b)):
+            if not isinstance(name, str):
+                raise TypeError(f"{field}: must be the name of a material, is {format_value(name)}")
         return self.pairs.get((min(a, b), max(a, b)), NO_PAIR)
 
     def find(
@@ -196,9 +203,6 @@ class Materials:
             ValueError: if ``coefficient`` is not "restitution" or "friction".
         """
         check_rule(rule)
-        for field, name in (("a", a), ("b", b)):
-            if not isinstance(name, str):
-                raise TypeError(f"{field}: must be the name of a material, is {format_value(name)}")
         if coefficient not in ("restitution", "friction"):
             raise ValueError(f"coefficient: must be restitution or friction, is {coefficient!r}")
         pair = self.between(a, b)

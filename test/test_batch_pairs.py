@@ -618,3 +618,33 @@ def test_pairs_may_be_unaligned():
     assert not odd.flags.aligned
     found, expected = ([one.tolist() for one in independent_sets(p, [True] * 3)] for p in (odd, pairs))
     assert found == expected
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"velocity": lambda v: v[..., :1]}, r"^result\.velocity: must be of shape \(3, 2, 2\) "),
+        ({"angular_velocity": lambda w: w[:2]}, r"^result\.angular_velocity: must be of shape \(3, 2, 2\) "),
+        (
+            {"status": lambda status: status.astype(float)},
+            r"^result\.status: must be status codes, is float64",
+        ),
+    ],
+)
+def test_results_that_do_not_fit_are_refused_before_anything_is_written(change, message):
+    rows, contact = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
+    bodies, contacts = np.ones((rows.height, 4)), np.ones((contact.height, 2))
+    bodies[rows.inertia] = np.array([1.0, 0, 0, 1.0, 0, 1.0])[:, None]
+    pairs = np.array([[0, 1], [2, 3]])
+    result = resolve_batch(bodies, contacts, pairs=pairs)
+    wrong = result._replace(**{name: make(getattr(result, name)) for name, make in change.items()})
+    before = bodies.copy()
+    with pytest.raises(ValueError, match=message):
+        scatter_velocities(bodies, pairs, wrong)
+    assert (bodies == before).all()
+    flat = np.ones((body_rows(Geometry.PLANAR).height, 4))
+    with pytest.raises(ValueError, match=r"^result\.velocity: must be of shape \(2, 2, 2\) "):
+        scatter_velocities(flat, pairs, result)
+    bodies.flags.writeable = False
+    with pytest.raises(ValueError, match=r"^bodies: must be an array that can be changed, is read-only"):
+        scatter_velocities(bodies, pairs, result)

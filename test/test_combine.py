@@ -10,7 +10,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 pytest.importorskip("mpmath")
@@ -195,3 +195,26 @@ def test_the_harmonic_mean():
     assert combine(CombineRule.HARMONIC_MEAN, 0.5, 0.125) == 0.2
     assert combine(CombineRule.HARMONIC_MEAN, 0.0, 0.0) == 0.0
     assert combine(CombineRule.HARMONIC_MEAN, 0.0, 0.7) == 0.0
+
+
+@every_rule
+def test_arrays_of_any_library_are_combined(rule):
+    xp = pytest.importorskip("array_api_strict")
+    a, b, k = [0.5, 0.2, 0.0, 0.7], [0.1, 0.2, 0.0, 1.0], [1.0, 2.0, 3.0, 1e-100]
+    found = combine(rule, xp.asarray(a), xp.asarray(b), xp.asarray(k), 2.0)
+    assert np.asarray(found).tolist() == [combine(rule, *one, 2.0) for one in zip(a, b, k, strict=True)]
+    with refused(StatusCode.INVALID_COEFFICIENT, "b"):
+        combine(rule, 0.5, xp.asarray([0.5, -0.5]))
+
+
+@given(
+    a=st.floats(1e-100, 1),
+    part=st.floats(-1e-9, 1e-9),
+    k_a=st.floats(1e-100, 1e100),
+    k_b=st.floats(1e-100, 1e100),
+)
+@example(a=0.4272314549380658, part=-1.3e-16, k_a=0.005064440948269989, k_b=0.0027600905328768266)
+@example(a=0.7, part=-0.8, k_a=0.5, k_b=1e-100)
+def test_the_energetic_restitution_is_never_outside_the_two(a, part, k_a, k_b):
+    b = a * (1 + part)
+    assert min(a, b) <= combine(CombineRule.ENERGETIC, a, b, k_a, k_b) <= max(a, b)

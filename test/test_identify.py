@@ -112,6 +112,34 @@ def test_the_stiffness_ratio_of_compliant_is_found(e, mu, kappa):
     assert found.misfit < SOLVED
 
 
+def random_impacts(seed, count, **coefficients):
+    """Impacts of a turned body with a wall, with normals in all directions, by COMPLIANT."""
+    random, told = np.random.default_rng(seed), []
+    e, mu, kappa = (coefficients[name] for name in SPRINGS)
+    while len(told) < count:
+        n = random.normal(size=3)
+        n /= np.linalg.norm(n)
+        body = Body.dynamic(
+            1.0,
+            (0.2, 0.01, 0, 0.3, 0.02, 0.25),
+            velocity=random.normal(size=3),
+            angular_velocity=random.normal(0, 2, 3),
+        )
+        request = body, Body.static(), Contact.of(random.normal(0, 0.4, 3) - n, n, e, mu)
+        impact = resolve(*request, ImpactModel(Law.COMPLIANT, stiffness_ratio=kappa))
+        if impact.status is StatusCode.OK:
+            told.append((*request, impact.twist_a, impact.twist_b))
+    return Impacts.of(*zip(*told, strict=True))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_search_that_ends_in_a_hollow_goes_on_from_the_bootstrap(seed):
+    true = {"restitution": 0.6, "friction": 0.4, "stiffness_ratio": 15.0}
+    found = identify(random_impacts(seed, 12, **true), Law.COMPLIANT, SPRINGS, resamples=10)
+    for fitted in (found.values, *found.others.values()):
+        assert fitted == pytest.approx(true, rel=1e-6)
+
+
 def test_intervals_for_compliant_contain_the_true_values():
     """Four sets of 20 noisy impacts. With 95 % intervals, one such test in seventy would miss twice."""
     holds = dict.fromkeys(SPRINGS, 0)

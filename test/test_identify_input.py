@@ -223,7 +223,9 @@ def test_other_types_are_refused_by_name(argument, other):
 
 
 @pytest.mark.parametrize(
-    "wrong", [None, "x", True, 1j, [1.0], np.array(True), np.timedelta64(1, "s")], ids=repr
+    "wrong",
+    [None, "x", True, 1j, [1.0], np.array(True), np.timedelta64(1, "s"), np.ones(2), Decimal("sNaN")],
+    ids=repr,
 )
 @pytest.mark.parametrize(
     ("argument", "field"),
@@ -267,3 +269,11 @@ def test_an_invalid_impact_is_refused_with_its_number():
     twists = [Twist(Vec3(0.0, 0.0, 1.0), Vec3(0.0, 0.0, 0.0))] * 2
     with refused(StatusCode.INVALID_MASS, "impacts[1].body_a.mass"):
         Impacts.of(balls, [Body.static()] * 2, [Contact.of((0, 0, 0), (0, 0, 1))] * 2, twists, twists)
+
+
+@pytest.mark.parametrize("law", [2, np.array([1, 2]), "COULOMB", None, [Law.COULOMB]], ids=repr)
+def test_a_law_of_another_type_is_refused_by_name(law):
+    ball, touch = Body.dynamic(1.0, velocity=(0.0, 0.0, -1.0)), Contact.of((0, 0, 0), (0, 0, 1))
+    measured = Impacts.of([ball], [Body.static()], [touch], [Twist(ZERO, ZERO)], [Twist(ZERO, ZERO)])
+    with refused(StatusCode.INVALID_MODEL, "law"):
+        identify(measured, law)

@@ -322,3 +322,18 @@ def test_the_mass_of_an_impact_is_its_weight(kind, weighted, mass):
     found = identify(measured, Law.FRICTIONLESS, kind=kind, loss="linear", resamples=2)
     weight = mass if weighted else 1.0
     assert found.values["restitution"] == pytest.approx((0.4 + weight * 0.6) / (1 + weight), abs=1e-9)
+
+
+@pytest.mark.parametrize("mark", [1e20, 9.969209968386869e36])
+def test_a_mark_for_a_missing_number_is_noted(mark):
+    bodies, floors, contacts = spheres(20, 0.6, 0.1)
+    good = computed(bodies, floors, contacts)
+    assert not identify(good, resamples=2).notes
+    after = [
+        resolve(*one, ImpactModel(Law.COULOMB)).twist_a for one in zip(bodies, floors, contacts, strict=True)
+    ]
+    after[7] = Twist(Vec3(0.0, 0.0, mark), after[7].angular)
+    notes = identify(Impacts.of(bodies, floors, contacts, after, after), resamples=2).notes
+    assert any(
+        note.startswith("1 impacts seem to change the motion 1,000,000 times as much") for note in notes
+    )

@@ -58,7 +58,7 @@ def check_pairs(pairs: Any) -> None:
 
 
 def independent_sets(pairs: Any, movable: Any = None) -> list[Array]:
-    """Divide contacts into sets in which no movable body appears twice.
+    """Divide contacts into sets in which no movable body has two contacts.
 
     If the sets are resolved in turn, the contacts of each body are resolved in the order given: a contact
     is in the set right after the last earlier contact with which it shares a movable body.
@@ -73,7 +73,7 @@ def independent_sets(pairs: Any, movable: Any = None) -> list[Array]:
         The indices of the contacts of each set, in increasing order.
 
     Raises:
-        ValueError: if an array has the wrong shape or type, or if a pair does not name two bodies.
+        ValueError: if an array has the wrong shape or type, or an entry of ``pairs`` is no column of a body.
     """
     given = pairs = as_pairs(pairs)
     n = pairs.shape[1]
@@ -126,12 +126,23 @@ def scatter_velocities(bodies: Array, pairs: Any, result: BatchResult) -> None:
         return
     if bodies.ndim != 2 or bodies.dtype.kind != "f":
         raise ValueError(f"bodies: must be floats of shape (rows, B), are {bodies.dtype} of {bodies.shape}")
+    if not bodies.flags.writeable:
+        raise ValueError("bodies: must be an array that can be changed, is read-only")
     if not all(hasattr(result, name) for name in MOTION):
         raise ValueError(f"result: must be a BatchResult, is {type(result).__name__}")
     pairs, rows = as_pairs(pairs), rows_of(bodies.shape[0])
     status, velocity, spin = (as_numpy(f"result.{name}", getattr(result, name)) for name in MOTION)
     if status.shape != pairs.shape[1:]:
         raise ValueError(f"pairs: must be those of the {status.size} contacts, are {pairs.shape[1]}")
+    if status.dtype.kind not in "iu":
+        raise ValueError(f"result.status: must be status codes, is {status.dtype}")
+    for name, motion, own in (
+        ("velocity", velocity, rows.velocity),
+        ("angular_velocity", spin, rows.angular_velocity),
+    ):
+        shape = own.stop - own.start, 2, status.size
+        if motion.shape != shape:
+            raise ValueError(f"result.{name}: must be of shape {shape} for these bodies, is {motion.shape}")
     answered = IS_ANSWER[status]
     if not answered.all():
         pairs, velocity, spin = pairs[:, answered], velocity[..., answered], spin[..., answered]

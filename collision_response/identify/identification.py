@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,10 @@ FEW_IMPACTS = 10
 
 MOST_RESAMPLES = 100_000
 """Greatest number of fits of the bootstrap, which are all kept."""
+
+HUGE_CHANGE = 1e6
+"""A change so many times as large as the median is rather a mark for a missing number. No loss function keeps
+it from hiding the others."""
 
 LARGE_MISFIT = 0.1
 """A misfit above this may have a cause that no law is to blame for, such as wrong units."""
@@ -99,14 +103,15 @@ def identify(
             :class:`~collision_response.identify.SphereReadings`.
         law: any law except AUTO.
         fit: names of the coefficients to fit: "restitution", "friction", "tangential_restitution", or
-            "stiffness_ratio", which belongs to COMPLIANT. Default: restitution, and friction if the law has
-            friction, without those in ``given``.
+            "stiffness_ratio", which belongs to COMPLIANT and is sought from 0.05 to 20. Default: restitution,
+            and friction if the law has friction, without those in ``given``.
         given: known coefficients, by name, none of them in ``fit``. If they are neither fitted nor given,
             restitution is 1, friction is 0 and the others are as in a default
             :class:`~collision_response.ImpactModel`.
         kind: kind of the residuals, one of ``measured.kinds``. Default: the first.
-        loss: loss function of SciPy's ``least_squares``. All except "linear" are robust against outliers.
-            They act on each component, so the axes of the world have an effect, well below the noise.
+        loss: loss function of SciPy's ``least_squares``. All except "linear" are robust against outliers, up
+            to a million times as large as the rest. They act on each component, so the axes of the world have
+            an effect, well below the noise.
         resamples: number of fits of the bootstrap, from 2 to 100,000.
         seed: seed of the random numbers of the bootstrap, >= 0.
 
@@ -127,16 +132,22 @@ def identify(
     used = _informative_impacts(measured, kind, len(fit))
     unit = residual_unit(used, kind)
     given = {"restitution": 1.0, "friction": 0.0} | dict(given)
-    problem, best = LeastSquares(used, law, fit, given, kind, loss, unit).best()
-    resampled = problem.resampled(best.x, resamples, seed)
+    problem = LeastSquares(used, law, fit, given, kind, loss, unit)
+    problem, best, resampled = problem.best_and_resampled(resamples, seed)
     coefficients, combination = estimates(problem, best, resampled)
-    others = dict(_fits_to_other_residuals(problem))
+    others = dict(_fits_to_other_residuals(problem, best))
     values = problem.at(best.x)
     squares = (used.residuals(law, values, kind) ** 2).sum(axis=0)
     least = NEGLIGIBLE_SQUARES * unit**2  # not 0 even if nothing changes
-    whole = max((used.changes(kind) ** 2).sum(), least)
+    changes = (used.changes(kind) ** 2).sum(axis=0)
+    whole = max(changes.sum(), least)
     misfit = math.sqrt(squares.sum() / whole)
     notes = [*_notes(measured, len(used), coefficients, others)]
+    if huge := int((changes > HUGE_CHANGE**2 * np.median(changes)).sum()):
+        notes.append(
+            f"{huge} impacts seem to change the motion {HUGE_CHANGE:,.0f} times as much as half of the "
+            "others, which they hide: leave them out unless they were measured"
+        )
     if isinstance(used, Impacts) and misfit > LARGE_MISFIT:
         notes += _faults(used, kind, misfit, math.sqrt(whole))
     fitted = law, values, kind, coefficients, combination, others
@@ -169,7 +180,7 @@ def _check(
         *(("fit", name, tuple(SEARCH_RANGES)) for name in fit),
         *(("given", name, tuple(SEARCH_RANGES)) for name in given),
     ):
-        if value not in known:
+        if not isinstance(value, type(known[0])) or value not in known:
             names = ", ".join(str(getattr(one, "name", one)) for one in known)
             reason = f"must be one of {names}; is {format_value(value)}"
             raise ImpactError(StatusCode.INVALID_MODEL, field, reason)
@@ -199,15 +210,14 @@ def _informative_impacts(measured: Measurements, kind: str, count: int) -> Measu
     raise ImpactError(StatusCode.INVALID_TABLE, "impacts", reason)
 
 
-def _fits_to_other_residuals(problem: LeastSquares) -> Iterator[tuple[str, dict[str, float]]]:
+def _fits_to_other_residuals(problem: LeastSquares, best: Any) -> Iterator[tuple[str, dict[str, float]]]:
     """Yield the other kinds of residuals with the coefficients that they determine, if there are any."""
     for kind in problem.measured.kinds:
         used = informative(problem.measured, kind)
         if kind == problem.kind or len(used) <= len(problem.names):
             continue
-        other, nearest = problem._replace(
-            measured=used, kind=kind, unit=residual_unit(used, kind), scale=0.0
-        ).best()
+        other = problem._replace(measured=used, kind=kind, unit=residual_unit(used, kind), scale=0.0)
+        other, nearest = other.best(min(other.start(), best.x, key=other.squares))
         values, (unknown, _) = other.at(nearest.x), undetermined(other, nearest)
         known = {name: values[name] for name in problem.names if name not in unknown}
         if known:

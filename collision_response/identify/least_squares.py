@@ -159,15 +159,17 @@ class LeastSquares(NamedTuple):
             return squares
         return self.scale**2 * LOSSES[self.loss](squares / self.scale**2)
 
-    def best(self) -> tuple[LeastSquares, Any]:
+    def best(self, start: Array | None = None) -> tuple[LeastSquares, Any]:
         """Return the problem with its scale set, and SciPy's solution of it.
+
+        The search begins at ``start``; by default, at the best of several rough solutions.
 
         The scale is taken from the median residual of a fit that treats no residual as an outlier. Residuals
         that are 0, or what a search leaves, do not count in the median, because they do not tell how noisy
         the others are: with so small a scale, SciPy would take all others for outliers. An outlier may lead
         that fit astray, and from far away "arctan" does not find back; "soft_l1", which is convex, does.
         """
-        first = self.solve(self.start())
+        first = self.solve(self.start() if start is None else start)
         noise = abs(first.fun[abs(first.fun) > LEFT_OVER])
         if self.loss == "linear" or not noise.size:
             return self, first
@@ -203,6 +205,21 @@ class LeastSquares(NamedTuple):
         one.x = _snap_to_limits(one.x + origin, one, (least, most), precision)
         one.fun = self.residuals(one.x)
         return one
+
+    def best_and_resampled(self, count: int, seed: int) -> tuple[LeastSquares, Any, Array]:
+        """Return what :meth:`best` and :meth:`resampled` do.
+
+        A search may end in a hollow of the sum of squares that a fit of the bootstrap leaves: then another
+        one begins there.
+        """
+        problem, best = self.best()
+        values = problem.resampled(best.x, count, seed)
+        known = values[~np.isnan(values).any(axis=1)]
+        nearest = min(known, key=problem.squares, default=best.x)
+        if problem.squares(nearest) < (1 - ROUGH_PRECISION) * problem.squares(best.x):
+            problem, best = self.best(nearest)
+            values = problem.resampled(best.x, count, seed)
+        return problem, best, values
 
     def resampled(self, x: Array, count: int, seed: int) -> Array:
         """Return fits to ``count`` sets of impacts drawn with replacement, one row of coefficients each.

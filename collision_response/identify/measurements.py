@@ -13,13 +13,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..arguments import as_list, check_mapping, check_number, finite_number
+from ..arguments import as_list, check_mapping, check_number, finite_number, real_number
 from ..batch import body_rows, contact_rows, resolve_batch
 from ..batch.arrays import Array
 from ..body_conversions import com_in_world_axes, orientation_of, with_com_as_reference
 from ..in_python.request_numbers import read_request
 from ..model import Geometry, ImpactModel, Law
-from ..numbers.operations import of_python
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
 from ..physics.vector import Vec3, as_vector
@@ -302,7 +301,7 @@ def _read_twist(field: str, body: Body, twist: Twist) -> Twist:
 
 def _read_vector(field: str, vector: Sequence[Any]) -> Vec3:
     """Return a measured vector with floats. Each is finite, or NaN: not measured."""
-    numbers = map(of_python, as_vector(field, vector))
+    numbers = (real_number(field, x) for x in as_vector(field, vector))
     return Vec3(*(math.nan if x != x else finite_number(field, x) for x in numbers))
 
 

@@ -105,7 +105,7 @@ def iterate(
         loop = getattr(go_on, "loop", None)
         if loop is not None:
             return loop(state, going, step, budget, rounded)
-        if not _any(go_on):
+        if not any_of(go_on):
             break
         state = _where_going(go_on, step(state), state)
     return state
@@ -248,7 +248,8 @@ def _is_plain(condition: Condition) -> bool:
     return isinstance(condition, bool) or type(condition).__name__ in ("bool_", "bool")
 
 
-def _any(condition: Any) -> bool:
+def any_of(condition: Any) -> bool:
+    """Whether a truth value, or one of an array of them, is true."""
     namespace = getattr(condition, "__array_namespace__", None)
     return bool(condition.any() if namespace is None else namespace().any(condition))
 

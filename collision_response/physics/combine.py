@@ -7,7 +7,7 @@ from enum import Enum
 from typing import Any
 
 from ..arguments import check_number, is_real, of_one_type
-from ..numbers.operations import Scalar, choose, maximum, minimum, or_one, square_root
+from ..numbers.operations import Scalar, any_of, choose, maximum, minimum, or_one, square_root
 from ..status import POSITIVE, ImpactError, StatusCode, format_range, format_value
 
 
@@ -87,11 +87,12 @@ def combine(
     stiff = choose(a_is_softer, lambda: b, lambda: a) / size
     energy = soft * soft + stiff * stiff * softer
     root_of_softer = square_root(least) / square_root(most)
-    return choose(
+    part = choose(
         energy >= TINY,
-        lambda: high * square_root(energy / (1 + softer)),
-        lambda: maximum(low, high * minimum(one, _hypotenuse(soft, stiff * root_of_softer))),
+        lambda: square_root(energy / (1 + softer)),
+        lambda: _hypotenuse(soft, stiff * root_of_softer),
     )
+    return maximum(low, high * minimum(one, part))  # rounding may lead beyond either
 
 
 def _checked(field: str, x: Any, least: float) -> Scalar:
@@ -100,7 +101,7 @@ def _checked(field: str, x: Any, least: float) -> Scalar:
         return check_number(field, x, least, math.inf, StatusCode.INVALID_COEFFICIENT)
     if not is_real(x) or getattr(x.dtype, "kind", "f") == "O":
         raise TypeError(f"{field}: must be real numbers, is {format_value(x)}")
-    if not ((x >= least) & (x < math.inf)).all():
+    if any_of(~((x >= least) & (x < math.inf))):
         reason = f"must be finite and {format_range(least, math.inf)}, is {format_value(x)}"
         raise ImpactError(StatusCode.INVALID_COEFFICIENT, field, reason)
     return x + 0.0  # integers of NumPy overflow
