@@ -143,7 +143,8 @@ def identify(
     whole = max(changes.sum(), least)
     misfit = math.sqrt(squares.sum() / whole)
     notes = [*_notes(measured, len(used), coefficients, others)]
-    if huge := int((changes > HUGE_CHANGE**2 * np.median(changes)).sum()):
+    median = float(np.median(changes)) or math.inf
+    if huge := int((changes > HUGE_CHANGE**2 * median).sum()):
         notes.append(
             f"{huge} impacts seem to change the motion {HUGE_CHANGE:,.0f} times as much as half of the "
             "others, which they hide: leave them out unless they were measured"
