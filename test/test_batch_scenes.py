@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scene_cases import Scene, box, random_scene, row_of_balls
+from scene_cases import Scene, any_scene, box, random_scene, row_of_balls
 
 from collision_response import (
     Adjustment,
@@ -330,3 +330,16 @@ def test_invalid_arguments_are_refused_by_name(change, message):
 
 def test_the_docstring_examples_run():
     assert doctest.testmod(sys.modules["collision_response.batch.resolve_scenes"]).failed == 0
+
+
+def test_friction_has_no_effect_on_frictionless():
+    scenes = [without_com_offset(any_scene(seed)) for seed in range(30)]
+    bodies, contacts, pairs = tables(scenes)
+    twice, places = np.concatenate([contacts, contacts], axis=1), np.concatenate([pairs, pairs], axis=1)
+    smooth, rough = twice.copy(), twice.copy()
+    smooth[contact_row.friction] = 0.0
+    rough[contact_row.friction, contacts.shape[1] :] += 0.25
+    model = ImpactModel(Law.FRICTIONLESS)
+    expected, found = (resolve_scenes(bodies, one, model, pairs=places) for one in (smooth, rough))
+    for name, one, other in zip(expected._fields, expected, found, strict=True):
+        np.testing.assert_array_equal(one, other, err_msg=name)

@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 import pytest
 from refusals import refused
-from scene_cases import Scene, box, row_of_balls, speeds
+from scene_cases import Scene, any_scene, box, random_scene, row_of_balls, speeds
 
 from collision_response import (
     Adjustment,
@@ -692,6 +692,38 @@ def test_copies_with_equal_functions_count_once(law):
     for contacts in (functions, [functions[0], corner]):
         answer = resolve_scene(box_and_floor, [(0, 1)] * 2, contacts, ImpactModel(law))
         assert answer == expected
+
+
+def with_copies(scene: Scene, seed: int) -> tuple[Scene, Scene]:
+    """The scene with some contacts given again, by either order of the bodies: without friction, and with
+    some that differs between copies."""
+    rng, (bodies, pairs, contacts) = random.Random(seed), scene
+    for i in rng.choices(range(len(contacts)), k=3):
+        (a, b), contact = pairs[i], contacts[i]
+        if rng.random() < 0.5:
+            (a, b), contact = (b, a), contact._replace(normal=-contact.normal)
+        pairs, contacts = [*pairs, (a, b)], [*contacts, contact]
+    rough = [contact._replace(friction=rng.choice([0.0, 0.3, 0.9])) for contact in contacts]
+    return Scene(bodies, pairs, contacts).with_contacts(friction=0.0), Scene(bodies, pairs, rough)
+
+
+@pytest.mark.parametrize("exact", [False, True])
+@pytest.mark.parametrize("seed", range(60))
+def test_friction_has_no_effect_on_frictionless(seed, exact):
+    scene = random_scene(seed, contacts=4) if exact else any_scene(seed)
+    smooth, rough = with_copies(scene.in_fractions() if exact else scene, seed)
+    functions = rough._replace(
+        contacts=[c._replace(restitution=lambda v, e=c.restitution: e) for c in rough.contacts]
+    )
+    expected = smooth.resolve(Law.FRICTIONLESS)
+    for other in (rough, functions):
+        answer = other.resolve(Law.FRICTIONLESS)
+        assert answer._replace(contacts=()) == expected._replace(contacts=())
+    tangential = [
+        c._replace(tangential_restitution=0.0) if i % 2 else c for i, c in enumerate(rough.contacts)
+    ]
+    answer = rough._replace(contacts=tangential).resolve(Law.FRICTIONLESS)
+    assert answer.twists == expected.twists
 
 
 @pytest.mark.parametrize("count", [1, 2])

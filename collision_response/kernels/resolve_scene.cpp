@@ -210,8 +210,9 @@ class SceneAnswer {
     const bool is_full_geometry = plan.geometry == GEOMETRY_AUTO || plan.geometry == GEOMETRY_SPATIAL;
     if (!is_full_geometry || !options.is_for_clusters()) return false;
     const ClusterParts parts = take_parts(scene, scene.pairs(), first, last, place);
-    if (parts.has_copies()) return false;
-    Cluster cluster(parts, options.law == LAW_FRICTIONLESS);
+    const bool frictionless = options.law == LAW_FRICTIONLESS;
+    if (parts.has_copies(frictionless)) return false;
+    Cluster cluster(parts, frictionless);
     if (cluster.fault) return false;
     // A path may take a second, and Python says why it has no answer.
     if (options.law == LAW_ROUTH_STRONGE && !cluster.assembly.surely_separates()) return false;
@@ -228,7 +229,7 @@ class SceneAnswer {
       const double e = result.restitution < 0 ? used.e : result.restitution;
       PyObject* contact = contact_as_used(PyTuple_GET_ITEM(scene.given_contacts, *k), e,
                                           e != given[CONTACT_RESTITUTION],
-                                          options.law == LAW_FRICTIONLESS && given[CONTACT_FRICTION] != 0);
+                                          frictionless && given[CONTACT_FRICTION] != 0);
       put_contact(*k, contact, &effect.impulses[3 * i], used.axes[0].velocity, effect.normal_velocities[i],
                   effect.regimes[i]);
     }

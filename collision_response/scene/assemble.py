@@ -110,13 +110,17 @@ def with_frictions_as_numbers(scene: SceneRequest) -> SceneRequest:
 def with_numbers(scene: SceneRequest, cluster: Sequence[int], options: SceneOptions) -> SceneRequest:
     """Return the scene with the functions of a cluster's contacts evaluated, if the law takes their values.
 
-    Then copies of a contact are the same contact, even if their functions are different objects.
+    Then copies of a contact are the same contact, even if their functions are different objects. For
+    FRICTIONLESS no contact has friction, so copies may differ in it.
 
     Raises:
         ImpactError: if a body or a contact is invalid; ``field`` names it.
         TypeError: if something is not a number.
     """
-    if not any([callable(e) or callable(mu) for *_, e, mu, _ in (scene.contacts[i] for i in cluster)]):
+    has_functions = any(
+        [callable(e) or callable(mu) for *_, e, mu, _ in (scene.contacts[i] for i in cluster)]
+    )
+    if not has_functions and options.law is not Law.FRICTIONLESS:
         return scene
     contacts = list(scene.contacts)
     for i in cluster if options.law not in PATHS else ():

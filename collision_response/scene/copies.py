@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from ..numbers.operations import Scalar
 from ..physics.contact import Contact
+from ..physics.laws import Law
 from .cluster_result import ClusterAnswer
 from .find_clusters import Pair
 from .request import SceneRequest
@@ -28,16 +29,16 @@ class DistinctContacts(NamedTuple):
 
 
 def distinct_contacts(
-    cluster: list[int], pairs: Sequence[Pair], contacts: Sequence[Contact], *, merge_copies: bool
+    cluster: list[int], pairs: Sequence[Pair], contacts: Sequence[Contact], law: Law
 ) -> DistinctContacts:
-    """Return the distinct contacts of a cluster; without ``merge_copies`` all contacts are distinct."""
+    """Return the distinct contacts of a cluster. For ROUTH_STRONGE all are: each is a spring."""
     all_distinct = DistinctContacts(cluster, [1] * len(cluster), list(range(len(cluster))))
-    if not merge_copies:
+    if law is Law.ROUTH_STRONGE:
         return all_distinct
     try:
         if len({tuple(contacts[i].position) for i in cluster}) == len(cluster):
             return all_distinct
-        keys = [_key(pairs[i], contacts[i]) for i in cluster]
+        keys = [_key(pairs[i], contacts[i], law) for i in cluster]
         place_of = {key: place for place, key in enumerate(dict.fromkeys(keys))}
     except TypeError:  # something is not a number, and is refused later
         return all_distinct
@@ -53,12 +54,16 @@ def distinct_contacts(
     return distinct
 
 
-def _key(pair: Pair, contact: Contact) -> Any:
-    """Return a key that copies of a contact have in common, in whichever order they name its bodies."""
+def _key(pair: Pair, contact: Contact, law: Law) -> Any:
+    """Return a key that copies of a contact have in common, in whichever order they name its bodies.
+
+    Only COULOMB reads a tangential restitution.
+    """
     (a, b), position, normal = pair, tuple(contact.position), tuple(contact.normal)
     if a > b:
         a, b, normal = b, a, tuple(-x for x in normal)
-    return a, b, position, normal, *contact[2:]
+    e_t = contact.tangential_restitution if law is Law.COULOMB else None
+    return a, b, position, normal, contact.restitution, contact.friction, e_t
 
 
 def split_among_copies(

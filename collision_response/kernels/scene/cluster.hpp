@@ -15,21 +15,22 @@ struct ClusterParts {
   std::vector<Contact> contacts;
   std::vector<std::int64_t> indices{};  // of the bodies in the scene
 
-  // Whether a contact is given twice, in whichever order it names its bodies.
-  bool has_copies() const {
+  // Whether a contact is given twice, in whichever order it names its bodies. With `frictionless`, copies may differ in
+  // friction.
+  bool has_copies(bool frictionless) const {
     for (const Contact& one : contacts)
       for (const Contact* other = contacts.data(); other != &one; ++other)
-        if (one.x[0] == other->x[0] && is_copy(one, *other)) return true;
+        if (one.x[0] == other->x[0] && is_copy(one, *other, frictionless ? CONTACT_FRICTION : CONTACT)) return true;
     return false;
   }
 
  private:
-  static bool is_copy(const Contact& one, Contact other) {
+  static bool is_copy(const Contact& one, Contact other, int numbers) {
     if (one.body[0] == other.body[1]) {
       std::swap(other.body[0], other.body[1]);
       for (int k = 0; k < 3; ++k) other.x[CONTACT_NORMAL_X + k] *= -1;
     }
-    return std::equal(one.body, one.body + 2, other.body) && std::equal(one.x, one.x + CONTACT, other.x);
+    return std::equal(one.body, one.body + 2, other.body) && std::equal(one.x, one.x + numbers, other.x);
   }
 };
 

@@ -47,8 +47,9 @@ struct TableClusters {
     status = UNDECIDED;
     place.resize(all_bodies, -1);
     const ClusterParts parts = take_parts(*this, {a, b, all_bodies}, first, last, place);
-    if (options.merges_copies() && parts.has_copies()) return;
-    Cluster cluster(parts, options.law == LAW_FRICTIONLESS);
+    const bool frictionless = options.law == LAW_FRICTIONLESS;
+    if (options.merges_copies() && parts.has_copies(frictionless)) return;
+    Cluster cluster(parts, frictionless);
     const ClusterResult result = cluster.fault ? ClusterResult{static_cast<Code>(cluster.fault)}
                                                : resolve_cluster(cluster, options);
     status = result.code;
