@@ -226,6 +226,7 @@ struct Differentiation {
   }
   // Whether an input is a moment or product of inertia. In units in which it is 0, the body would not turn.
   static bool is_inertia(int i) { return i < IN_CONTACT && i % BODY >= BODY_INERTIA_XX && i % BODY <= BODY_INERTIA_ZZ; }
+  // Leave some derivatives of an impact unknown.
   void refuse(long at, long first, int width) const {
     for (int i = 0; i < RESULTS; ++i)
       for (int k = 0; k < width; ++k) jacobian[(i * count + first + k) * n + at] = NAN;

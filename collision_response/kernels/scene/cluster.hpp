@@ -25,12 +25,13 @@ struct ClusterParts {
   }
 
  private:
-  static bool is_copy(const Contact& one, Contact other, int numbers) {
+  // `compared`: how many numbers of the contacts must be equal.
+  static bool is_copy(const Contact& one, Contact other, int compared) {
     if (one.body[0] == other.body[1]) {
       std::swap(other.body[0], other.body[1]);
       for (int k = 0; k < 3; ++k) other.x[CONTACT_NORMAL_X + k] *= -1;
     }
-    return std::equal(one.body, one.body + 2, other.body) && std::equal(one.x, one.x + numbers, other.x);
+    return std::equal(one.body, one.body + 2, other.body) && std::equal(one.x, one.x + compared, other.x);
   }
 };
 
