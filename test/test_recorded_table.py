@@ -336,6 +336,7 @@ def test_each_column_of_an_answer_is_required(recording, tmp_path, capsys, entit
         ("/scenes", "request_pairs", [0.0]),
         *(("/scenes", "request_pairs", [0.0, x] * 4) for x in (0.5, math.nan, math.inf)),
         *((one, "request_model", [x] * n) for one in TABLES for n, x in ((2, 1.0), (9, math.inf), (9, 0.5))),
+        *((one, "request_model", [2.5, *map(float, ImpactModel()[1:])]) for one in TABLES),
     ],
 )
 def test_an_incomplete_request_is_refused_in_one_line(recording, tmp_path, capsys, entity, name, numbers):
@@ -345,6 +346,23 @@ def test_an_incomplete_request_is_refused_in_one_line(recording, tmp_path, capsy
     said = capsys.readouterr()
     assert said.err.startswith(f"collision_response replay: answer 1: {name} ")
     assert (said.out, said.err.count("\n")) == ("", 1)
+
+
+@pytest.mark.parametrize("names", [["box"], ["a", "b", "c"]])
+def test_a_scene_must_name_each_of_its_bodies(recording, tmp_path, capsys, names):
+    columns = columns_of(recording, "/scenes") | {"bodies": pa.array(names)}
+    assert main(["replay", str(edited(tmp_path / "edited.rrd", "/scenes", columns))]) == 2
+    said = f"collision_response replay: answer 1: bodies must have 2 names, has {len(names)}\n"
+    assert capsys.readouterr().err == said
+
+
+@pytest.mark.parametrize("entity", TABLES)
+def test_a_recording_without_a_known_bound_is_reported(recording, tmp_path, capsys, entity):
+    columns = columns_of(recording, entity) | {"error_bound": pa.array([math.nan])}
+    assert main(["report", str(edited(tmp_path / "edited.rrd", entity, columns))]) == 0
+    said = capsys.readouterr().out
+    assert "energy" in said or "1 scenes" in said
+    assert "error bound" not in said
 
 
 def _vectors(*numbers):

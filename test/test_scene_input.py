@@ -621,6 +621,42 @@ def test_a_repeated_contact_shares_its_impulse():
     assert answer.twists[0] == one.twist_a
 
 
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.AUTO])
+@pytest.mark.parametrize("first", [None, 0.0])
+def test_copies_may_name_the_tangential_restitution_of_the_model_or_not(law, first):
+    contacts = [UP._replace(friction=0.5, tangential_restitution=e_t) for e_t in (first, 0.25)]
+    model, pairs = ImpactModel(law, tangential_restitution=0.25), [(0, 1), (1, 0)]
+    spinning = BALL._replace(angular_velocity=Vec3(1.0, 2.0, 3.0))
+    contacts[1] = contacts[1]._replace(normal=-UP.normal)
+    if first is None:
+        answer = resolve_scene([spinning, FLOOR], pairs, contacts, model)
+        assert answer.twists[0] == resolve(spinning, FLOOR, contacts[0], model).twist_a
+        assert [c.tangential_restitution for c in answer.contacts] == [None, 0.25]
+    else:
+        with refused(StatusCode.INVALID_MODEL, "contacts[1].tangential_restitution"):
+            resolve_scene([spinning, FLOOR], pairs, contacts, model)
+
+
+def test_auto_reads_a_tangential_restitution_only_where_there_is_friction():
+    smooth, rough = box(e=0.5).with_contacts(tangential_restitution=0.25), box(e=0.5, mu=0.3)
+    bodies = [*smooth.bodies, *rough.bodies]
+    pairs = [*smooth.pairs, *((a + 2, b + 2) for a, b in rough.pairs)]
+    answer = resolve_scene(bodies, pairs, [*smooth.contacts, *rough.contacts])
+    assert answer.model.law is Law.COULOMB
+    assert answer.twists[0] == resolve_scene(*smooth).twists[0]
+    with refused(StatusCode.INVALID_MODEL, "contacts[0].tangential_restitution"):
+        resolve_scene(bodies, pairs, [*smooth.contacts, *rough.contacts], ImpactModel(Law.COULOMB))
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+def test_a_tangential_restitution_is_checked_even_where_it_has_no_effect(law):
+    scene = box(e=0.5, mu=0.3)
+    with pytest.raises(TypeError, match=r"contacts\[0\].tangential_restitution: must be a"):
+        scene.with_contacts(tangential_restitution="x").resolve(law)
+    with refused(StatusCode.INVALID_COEFFICIENT, "contacts[0].tangential_restitution"):
+        scene.with_contacts(tangential_restitution=2.0).resolve(law)
+
+
 def test_a_contact_does_not_change_the_model_of_the_scene():
     bodies = [BALL, BALL._replace(position=Vec3(9.0, 0.0, 0.0)), FLOOR]
     contacts = [

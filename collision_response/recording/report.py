@@ -68,24 +68,27 @@ def in_words(summary: Summary) -> list[str]:
     if answers:
         with np.errstate(over="ignore"):
             lost, lost_by_friction = (_column(answers, f"energy_lost_{cause}").sum() for cause in CAUSES)
-        slowest, loosest = _largest(answers, "duration")[:1], _largest(answers, "error_bound")[0]
+        slowest, loosest = (_largest(answers, name)[:1] for name in ("duration", "error_bound"))
         lines += [
             f"laws: {_counted(answers['law'])}",
             f"regimes: {_counted(answers['regime'])}",
             f"energy lost: {lost:.6g} J by restitution, {lost_by_friction:.6g} J by friction",
             f"energy unaccounted for: at most {_greatest(summary.residuals):.2g} of that before an impact",
-            f"error bound: at most {loosest['error_bound']:.2g} (answer {loosest['answer']})",
+            *(f"error bound: at most {row['error_bound']:.2g} (answer {row['answer']})" for row in loosest),
             *(f"slowest: {_microseconds(row)} us (answer {row['answer']})" for row in slowest),
         ]
         adjusted = answers["adjustments"].filter(compute.not_equal(answers["adjustments"], "NONE"))
         if len(adjusted):
             lines.append(f"adjusted: {_counted(adjusted)}")
     if scenes:
-        loosest = _largest(scenes, "error_bound")[0]
+        loosest = _largest(scenes, "error_bound")[:1]
         contacts = len(compute.list_flatten(scenes["regimes"]))
         lines += [
             f"{len(scenes)} scenes of {contacts} contacts in all, by {_counted(scenes['law'])}",
-            f"error bound of scenes: at most {loosest['error_bound']:.2g} (answer {loosest['answer']})",
+            *(
+                f"error bound of scenes: at most {row['error_bound']:.2g} (answer {row['answer']})"
+                for row in loosest
+            ),
         ]
     lines += [f"refused {number} times: {what}" for what, number in _refused(summary).most_common(LISTED)]
     return lines

@@ -89,6 +89,8 @@ def differences(row: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
         ValueError: if this version does not know the model, or a body, a contact or a pair is incomplete.
     """
     bodies = [body_from_numbers(numbers) for numbers in _split(row, "request_bodies", ROWS)]
+    if len(row["bodies"]) != len(bodies):
+        raise ValueError(f"bodies must have {len(bodies)} names, has {len(row['bodies'])}")
     contacts = [contact_of(numbers) for numbers in _split(row, "request_contacts", CONTACT_SIZE)]
     pairs = [(_index(a), _index(b)) for a, b in _split(row, "request_pairs", 2)]
     model = model_of(row["request_model"])

@@ -298,8 +298,8 @@ def model_of(numbers: Sequence[float]) -> ImpactModel:
     """
     try:
         law, geometry, precision, *others = numbers
-        return ImpactModel(Law(int(law)), Geometry(int(geometry)), Precision(int(precision)), *others)
-    except (OverflowError, TypeError, ValueError) as error:
+        return ImpactModel(Law(law), Geometry(geometry), Precision(precision), *others)
+    except (TypeError, ValueError) as error:
         raise ValueError(f"request_model is not known to this version: {error}") from None
 
 

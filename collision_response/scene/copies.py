@@ -29,16 +29,19 @@ class DistinctContacts(NamedTuple):
 
 
 def distinct_contacts(
-    cluster: list[int], pairs: Sequence[Pair], contacts: Sequence[Contact], law: Law
+    cluster: list[int], pairs: Sequence[Pair], contacts: Sequence[Contact], law: Law, e_t: Scalar
 ) -> DistinctContacts:
-    """Return the distinct contacts of a cluster. For ROUTH_STRONGE all are: each is a spring."""
+    """Return the distinct contacts of a cluster. For ROUTH_STRONGE all are: each is a spring.
+
+    ``e_t`` is the tangential restitution of contacts that have none of their own.
+    """
     all_distinct = DistinctContacts(cluster, [1] * len(cluster), list(range(len(cluster))))
     if law is Law.ROUTH_STRONGE:
         return all_distinct
     try:
         if len({tuple(contacts[i].position) for i in cluster}) == len(cluster):
             return all_distinct
-        keys = [_key(pairs[i], contacts[i], law) for i in cluster]
+        keys = [_key(pairs[i], contacts[i], law, e_t) for i in cluster]
         place_of = {key: place for place, key in enumerate(dict.fromkeys(keys))}
     except TypeError:  # something is not a number, and is refused later
         return all_distinct
@@ -54,16 +57,17 @@ def distinct_contacts(
     return distinct
 
 
-def _key(pair: Pair, contact: Contact, law: Law) -> Any:
+def _key(pair: Pair, contact: Contact, law: Law, e_t: Scalar) -> Any:
     """Return a key that copies of a contact have in common, in whichever order they name its bodies.
 
-    Only COULOMB reads a tangential restitution.
+    Only COULOMB reads a tangential restitution, and only where there is friction.
     """
     (a, b), position, normal = pair, tuple(contact.position), tuple(contact.normal)
     if a > b:
         a, b, normal = b, a, tuple(-x for x in normal)
-    e_t = contact.tangential_restitution if law is Law.COULOMB else None
-    return a, b, position, normal, contact.restitution, contact.friction, e_t
+    own = e_t if contact.tangential_restitution is None else contact.tangential_restitution
+    is_read = law is Law.COULOMB and contact.friction != 0
+    return a, b, position, normal, contact.restitution, contact.friction, own if is_read else None
 
 
 def split_among_copies(
@@ -78,12 +82,12 @@ def split_among_copies(
     contacts, impulses = [], []
     for i, place in zip(cluster, places, strict=True):
         used, impulse, count = answer.contacts[place], effect.impulses[place], distinct.counts[place]
+        given = scene.contacts[i]
         share: Scalar = Fraction(1, count) if isinstance(impulse.x, Fraction) else 1 / count
         if scene.pairs[i] == scene.pairs[distinct.indices[place]]:
-            contacts.append(used)
+            contacts.append(used._replace(tangential_restitution=given.tangential_restitution))
             impulses.append(impulse * share)
         else:
-            given = scene.contacts[i]
             contacts.append(given._replace(restitution=used.restitution, friction=used.friction))
             impulses.append(impulse * -share)
     effect = effect._replace(

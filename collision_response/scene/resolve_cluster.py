@@ -8,7 +8,7 @@ from ..arguments import check_number
 from ..geometry import suffices
 from ..in_python.request_numbers import body_as_fractions, contact_as_fractions
 from ..kernels import library
-from ..model import Adjustment, Geometry, ImpactModel, Precision
+from ..model import Adjustment, Geometry, ImpactModel, Precision, law_for
 from ..physics.laws import CLUSTER_LAWS, Law
 from ..status import ImpactError, StatusCode
 from .assemble import ClusterParts, assemble
@@ -28,7 +28,9 @@ def resolve_cluster(scene: SceneRequest, distinct: DistinctContacts, options: Sc
         TypeError: if something is not a number.
     """
     model, law = options.model, options.law
-    _check_model(scene, distinct.indices, model, law)
+    if law not in CLUSTER_LAWS:
+        reason = f"{law.name} is for clusters of one contact: try ROUTH_STRONGE"
+        raise ImpactError(StatusCode.INVALID_MODEL, "model.law", reason)
     cluster, parts, below_restitution_threshold = assemble(scene, distinct, options)
     if model.geometry in (Geometry.POINT, Geometry.PLANAR):
         _check_geometry(parts, model.geometry)
@@ -37,6 +39,7 @@ def resolve_cluster(scene: SceneRequest, distinct: DistinctContacts, options: Sc
         and law is not Law.FRICTIONLESS
         and any([contact.friction > 0 for contact in parts.contacts])
     )
+    _check_tangential_restitution(parts, model, law_for(model.law, has_friction=has_friction))
     if isinstance(cluster, RationalCluster):
         result = resolve_in_fractions(cluster, law, options.threshold)
     else:
@@ -79,16 +82,13 @@ def _check_result(result: ClusterResult, parts: ClusterParts) -> None:
         raise library.refusal(code)
 
 
-def _check_model(scene: SceneRequest, indices: Sequence[int], model: ImpactModel, law: Law) -> None:
-    """Raises: ImpactError: INVALID_MODEL, if the model is for clusters of one contact only."""
-    if law not in CLUSTER_LAWS:
-        reason = f"{law.name} is for clusters of one contact: try ROUTH_STRONGE"
-        raise ImpactError(StatusCode.INVALID_MODEL, "model.law", reason)
-    for i in indices if law is Law.COULOMB else ():
-        own = scene.contacts[i].tangential_restitution
+def _check_tangential_restitution(parts: ClusterParts, model: ImpactModel, law: Law) -> None:
+    """Raises: ImpactError, TypeError: if one is invalid, or not 0 though the law reads it."""
+    for i, contact in zip(parts.indices, parts.contacts, strict=True):
+        own = contact.tangential_restitution
         place, e_t = ("model", model.tangential_restitution) if own is None else (f"contacts[{i}]", own)
         check_number(f"{place}.tangential_restitution", e_t, -1, 1, StatusCode.INVALID_COEFFICIENT)
-        if e_t:
+        if e_t and law is Law.COULOMB:
             reason = f"must be 0 for clusters of several contacts, is {e_t}"
             raise ImpactError(StatusCode.INVALID_MODEL, f"{place}.tangential_restitution", reason)
 

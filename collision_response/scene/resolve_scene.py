@@ -140,7 +140,8 @@ def _resolve_one(scene: SceneRequest, cluster: list[int], options: SceneOptions)
     law = options.law
     if len(cluster) > 1 or options.exact:  # else resolve() does that
         scene = with_numbers(scene, cluster, options)
-    distinct = distinct_contacts(cluster, scene.pairs, scene.contacts, law)
+    e_t = options.model.tangential_restitution
+    distinct = distinct_contacts(cluster, scene.pairs, scene.contacts, law, e_t)
     if len(distinct.indices) == 1 and not (options.exact and law is Law.MOREAU):
         answer = _resolve_single_contact(scene, cluster[0], options.model)
     else:
