@@ -116,6 +116,55 @@ def test_against_the_oracle(name, law):
         assert found.energy_change < 0
 
 
+JAM = [[1, 0, 0.9], [0, 1, 0], [0.9, 0, 1]]
+"""A friction above 1 / 0.9 jams."""
+DROPS = (
+    (JAM, (0, 0, -1), tabulated([0, 0.2, 0.204], [0.85, 0.85, 0])),
+    (JAM, (0.01, 0, -1), tabulated([0, 0.2, 0.3], [0.85, 0.85, 0.1])),
+    (ROD, (0.001, 0, -1), stribeck(0.5, 0.0, 0.1)),
+    (ROD, (0.3, 0.1, -1), stribeck(0.59, 0.0, 0.05)),
+    (SHORT, (0, 0.001, -1), stribeck(0.3, 0.0, 0.1)),
+    (OBLIQUE, (0, 0.001, -1), stribeck(0.3, 0.0, 0.1)),
+)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("case", range(len(DROPS)))
+def test_friction_that_drops_creates_no_energy(case, law):
+    """By Poisson's end alone, the first case would gain 13 times the energy of the approach."""
+    K, u, mu = DROPS[case]
+    for e in (0.5, 0.9, 1.0):
+        found = follow(K, u, e, mu, law)
+        lost = found.energy_lost_restitution, found.energy_lost_friction
+        most = found.error_bound * math.hypot(*found.impulse) * math.hypot(*u, *found.velocity_after)
+        assert found.energy_change <= most
+        assert found.energy_change == pytest.approx(-sum(lost), abs=most)
+        P, heat, after = routh_by_speed(K, u, e, mu, law is Law.ROUTH_STRONGE)
+        assert math.dist(found.impulse, P) <= ORACLE * math.hypot(*P)
+        assert math.dist(found.velocity_after, after) <= 4 * ORACLE * math.hypot(*P)
+        assert found.energy_lost_friction == pytest.approx(heat, abs=ORACLE)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_random_friction_creates_no_energy(law):
+    draw = random.Random(5)
+    for _ in range(60):
+        (xx, xy, xz, yy, yz, zz), u, n = FAMILIES[draw.choice(["planar", "space", "jammed"])][0](draw)
+        K = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+        speeds = sorted(draw.uniform(0, 2) for _ in range(3))
+        mu = tabulated(speeds, [draw.choice([0.0, draw.uniform(0, 2)]) for _ in speeds])
+        try:
+            found = resolve_contact(K, u, n, 1.0, mu, ImpactModel(law))
+        except ImpactError as error:
+            assert error.code is StatusCode.PATH_TOO_LONG
+            continue
+        if found.error_bound < 1e-6:
+            size = math.hypot(*found.impulse) * math.hypot(*u, *found.velocity_after)
+            assert found.energy_change <= found.error_bound * size
+            lost = found.energy_lost_restitution, found.energy_lost_friction
+            assert found.energy_change == pytest.approx(-sum(lost), abs=found.error_bound * size)
+
+
 def test_a_sphere_with_linear_friction_slows_down_exponentially():
     """Nothing couples slip and approach: p ends at (1 + e), and ds/dp = -3.5 (a + b s)."""
     for law, (a, b), e in itertools.product(LAWS, ((0.05, 0.3), (0.2, -0.05), (0.0, 0.25)), (0.0, 0.5, 1.0)):

@@ -31,7 +31,10 @@ def _directions(mu, A, b):
 
 
 def routh_by_speed(K, u, e, mu, energetic, tolerance=1e-11):
-    """Impulse, work of friction and velocity after; ``mu`` is a function of the slip speed."""
+    """Impulse, work of friction and velocity after; ``mu`` is a function of the slip speed.
+
+    Without ``energetic``, restitution of impulse ends where it would create energy.
+    """
     K, u = np.array(K, float), np.array(u, float)
     A, b, k = K[:2, :2], K[:2, 2], K[2, 2]
     approach = -u[2]
@@ -45,7 +48,7 @@ def routh_by_speed(K, u, e, mu, energetic, tolerance=1e-11):
         if compression is None:
             return -y[2]
         p_c, W_c = compression
-        return -e * e * W_c - (y[1] - W_c) if energetic else (1 + e) * p_c - y[0]
+        return -e * e * W_c - (y[1] - W_c) if energetic else min((1 + e) * p_c - y[0], y[-1] - y[1])
 
     def rates(_, y):
         a, log_s = y[:2]
@@ -64,10 +67,11 @@ def routh_by_speed(K, u, e, mu, energetic, tolerance=1e-11):
                     if compression is None:
                         way = -u[2] / rate
                     elif energetic:
-                        missing = left((p, W, u[2]))
+                        missing = left((p, W, u[2], heat))
                         way = (np.sqrt(u[2] ** 2 + 2 * rate * missing) - u[2]) / rate
                     else:
-                        way = left((p, W, u[2]))
+                        to_all_energy = (np.sqrt(u[2] ** 2 + 2 * rate * (heat - W)) - u[2]) / rate
+                        way = min((1 + e) * compression[0] - p, to_all_energy)
                     W += way * (u[2] + rate * way / 2)
                     p, P, u[2] = p + way, P - way * held, u[2] + rate * way
                     if compression is not None:
@@ -81,7 +85,7 @@ def routh_by_speed(K, u, e, mu, energetic, tolerance=1e-11):
             return y[1] - LEAST - np.log(approach) + 1e-3
 
         def ends(_, y):
-            return left(y[2:5])
+            return left([*y[2:5], y[7]])
 
         stops.terminal, stops.direction, ends.terminal, ends.direction = True, -1, True, -1
         run = solve_ivp(

@@ -11,7 +11,7 @@ f(v)``. The method of ``dormand_prince.py`` integrates it, and everything else a
 **Steps.** ``f`` is smooth except where slip stops and where ``mu`` is not smooth. No step goes farther than
 ``LONGEST`` of the way to the stop, so steps shrink with the slip. Slip counts as stopped when it is below
 ``l2`` times the tolerance, with the least eigenvalue ``l2`` of ``A``: the impulse that stops it, ``A^-1 v``,
-is then below the tolerance. Friction opposes slip whatever its size, so energy never grows, at either end.
+is then below the tolerance.
 
 **Straight steps.** Slip near a direction to which it is drawn would need steps as short as the time in which
 it gets there, however long it stays. So a step keeps the direction of slip if its turn is negligible. Either
@@ -30,6 +30,13 @@ slip that grows from rest is drawn to it.
 slip is drawn there. So if ``mu(0)`` is 0 the contact never sticks, but creeps; and slip that has the
 direction of ``h`` may stay at a speed at which friction jumps upwards. Once slip is so near that the
 difference is negligible, it stays.
+
+**Energy.** Friction opposes slip whatever its size, so energy does not grow at Stronge's end. At Poisson's it
+may: where friction is great in compression and drops as slip grows, ``p_c`` is great, and ``u_n`` rises fast
+in restitution. So with Poisson, restitution ends no later than where it has returned the energy that
+compression and friction took:
+
+    W_c + W = heat
 
 **The ends of the phases.** A step that leads across the end of a phase is shortened by the secant method
 until it ends there.
@@ -203,6 +210,7 @@ class PathFollower:
 
     def __init__(self, path: Path, mu: Callable[[float], float]) -> None:
         self._path, self._mu = path, mu
+        self._by_energy = path._replace(energetic=True)
         self._h = path.solve(path.b1, path.b2)
         self._h_size = math.hypot(*self._h)
         self._l2 = path.least_eigenvalue()
@@ -293,12 +301,25 @@ class PathFollower:
             length = min(length, LONGEST * at.s / -at.g)
         if y.p_c == 0:
             return min(length, BEYOND * -y.u / at.r) if at.r > 0 else length
-        missing = self._path.missing(y.p_c, y.W_c, y.p, y.W) / at.c
-        return min(length, BEYOND * self._path.distance(missing, y.u, at.r))
+        return min(length, BEYOND * self._distance(y, at.c, at.m / at.c * at.s, at.r))
 
     def _remaining(self, y: Point) -> float:
         """What the phase lacks: normal velocity, or what restitution has yet to return; <= 0 at the end."""
-        return -y.u if y.p_c == 0 else self._path.missing(y.p_c, y.W_c, y.p, y.W)
+        if y.p_c == 0:
+            return -y.u
+        missing = self._path.missing(y.p_c, y.W_c, y.p, y.W)
+        return missing if self._path.energetic else min(missing, _not_returned(y))
+
+    def _distance(self, y: Point, c: float, heating: float, rate: float) -> float:
+        """Impulse, in units of ``c``, up to the end of restitution, while ``u_n`` grows at ``rate``.
+
+        ``heating`` is the work done against friction, by normal impulse.
+        """
+        path = self._path
+        missing = path.distance(path.missing(y.p_c, y.W_c, y.p, y.W) / c, y.u, rate)
+        if path.energetic:
+            return missing
+        return min(missing, self._by_energy.distance(_not_returned(y) / c, y.u - heating, rate))
 
     def _stays(self, at: Slope) -> bool:
         """Whether slip is where ``f`` is 0 and to which it is drawn: see "Slip stays" above."""
@@ -386,7 +407,8 @@ class PathFollower:
             return None
         if y.p_c == 0:
             y = _begin_restitution(self._advance(y, -y.u / rate, rate))
-        return self._advance(y, path.distance(path.missing(y.p_c, y.W_c, y.p, y.W), y.u, rate), rate), regime
+        heating = self._h_size * math.hypot(y.v1, y.v2)
+        return self._advance(y, self._distance(y, 1.0, heating, rate), rate), regime
 
     def _advance(self, y: Point, p: float, rate: float) -> Point:
         """The point after the normal impulse ``p`` while slip stays as it is."""
@@ -399,6 +421,11 @@ class PathFollower:
             P2=y.P2 - h2 * p,
             heat=y.heat + self._h_size * math.hypot(y.v1, y.v2) * p,
         )
+
+
+def _not_returned(y: Point) -> float:
+    """The energy that compression and friction have taken, and restitution has not returned."""
+    return y.heat - y.W_c - y.W
 
 
 def _begin_restitution(y: Point) -> Point:
