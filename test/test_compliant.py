@@ -506,3 +506,15 @@ def test_the_stiffness_ratio_of_materials_in_any_unit(a, b):
 def test_an_invalid_stiffness_ratio_is_refused(ratio):
     with refused(StatusCode.INVALID_COEFFICIENT, "model.stiffness_ratio"):
         planar(SPHERE, (0.2, -1.0), 0.5, 0.3, ratio)
+
+
+@pytest.mark.parametrize("approach", [1e-3, 1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize("mu", [0.0, 0.3])
+def test_a_fast_slide_takes_no_digits_from_the_end_of_compression(mu, approach):
+    """Compression ends where the normal velocity is 0, to its own rounding, however fast the slip is."""
+    body = Body.sphere(1.0, 0.5, position=(0, 0, 0.5), velocity=(1, 0, -approach))
+    contact = Contact.of((0, 0, 0), (0, 0, 1), 0.5, mu)
+    impact = resolve(body, Body.static(), contact, ImpactModel(Law.COMPLIANT))
+    assert impact.regime is Regime.SLIDING
+    assert impact.normal_impulse == pytest.approx(1.5 * approach, rel=1e-14)
+    assert impact.impulse.x == pytest.approx(-1.5 * mu * approach, rel=1e-14)

@@ -125,10 +125,12 @@ class Springs(NamedTuple):
         """The rate at which slip of speed 1 turns or slows down under a normal force of 1, at most."""
         return abs(self.b1) + abs(self.b2) + 2 * self.mu * (self.A11 + self.A22)
 
-    def size_of_terms(self, P1: Scalar, P2: Scalar, Pn: Scalar) -> Scalar:
-        """The size of the terms that :meth:`velocity` adds up: the unit of its rounding."""
+    def size_of_terms(self, P1: Scalar, P2: Scalar, Pn: Scalar) -> tuple[Scalar, Scalar]:
+        """The sizes of the terms that :meth:`velocity` adds up: for all of ``u``, and for ``u_n``."""
         b, P_t = abs(self.b1) + abs(self.b2), abs(P1) + abs(P2)
-        return 1 + abs(self.v1) + abs(self.v2) + (self.A11 + self.A22 + b) * P_t + (1 + b) * Pn
+        slip = abs(self.v1) + abs(self.v2) + (self.A11 + self.A22) * P_t + b * Pn
+        normal = 1 + b * P_t + Pn
+        return slip + normal, normal
 
 
 class State(NamedTuple):
@@ -222,7 +224,7 @@ class Motion(NamedTuple):
         missed: how much the impulse changes if it begins to follow.
         k: stiffness of the normal spring.
         share: ``mu k / kappa``.
-        terms: the unit of the rounding of ``u``.
+        terms, normal_terms: the units of the rounding of ``u`` and of ``u_n``. Slip may be far faster.
         F_max: the greatest normal force so far.
     """
 
@@ -235,6 +237,7 @@ class Motion(NamedTuple):
     k: Scalar
     share: Scalar
     terms: Scalar
+    normal_terms: Scalar
     F_max: Scalar
 
     @classmethod
@@ -250,7 +253,7 @@ class Motion(NamedTuple):
         is_exact = (spring.late < NOT_LATE[0]) & (springs.mu * y.F * spring.error < NOT_LATE[1])
         follows = slips & turns & ((spring.late < LATE) | is_exact)
         follows = follows & ((off <= spring.late) | (missed <= springs.tolerance))
-        return cls(springs, slips, unloads, follows, spring, missed, k, share, terms, y.F_max)
+        return cls(springs, slips, unloads, follows, spring, missed, k, share, *terms, y.F_max)
 
     def rates(self, a1: Scalar, a2: Scalar, F: Scalar, *P: Scalar) -> tuple[Scalar, ...]:
         """The rates of the first six numbers of a state; 0 for the direction of a spring that follows."""
@@ -270,7 +273,7 @@ class Motion(NamedTuple):
 
         In units of the terms that they are made of, so that EVENT is more than their rounding.
         """
-        springs, mu, share, terms = self.springs, self.springs.mu, self.share, self.terms
+        springs, mu, share, normal_terms = self.springs, self.springs.mu, self.share, self.normal_terms
         one, zero = 1 + 0 * F, 0 * F
         u1, u2, u_n = springs.velocity(P1, P2, Pn)
         d1, d2, dF, F1, F2, _ = self.rates(a1, a2, F, P1, P2, Pn)
@@ -278,7 +281,7 @@ class Motion(NamedTuple):
         du2 = springs.A12 * F1 + springs.A22 * F2 + springs.b2 * F
         dun = springs.b1 * F1 + springs.b2 * F2 + F
         size = square_root(a1 * a1 + a2 * a2)
-        force_unit, speed_unit = (1 + mu) * (1 + self.F_max), (1 + share) * terms
+        force_unit, speed_unit = (1 + mu) * (1 + self.F_max), (1 + share) * self.terms
         stick = Event(
             (mu * F - size) / force_unit, (mu * dF - (a1 * d1 + a2 * d2) / or_one(size)) / force_unit
         )
@@ -287,7 +290,10 @@ class Motion(NamedTuple):
         friction = choose(self.slips, lambda: slip, lambda: stick)
         friction_event = choose(mu > 0, lambda: friction, lambda: Event(one, zero))
         full = Event((self.F_max - F) / (1 + self.F_max), -dF / (1 + self.F_max))
-        return [friction_event, choose(self.unloads, lambda: full, lambda: Event(-u_n / terms, -dun / terms))]
+        return [
+            friction_event,
+            choose(self.unloads, lambda: full, lambda: Event(-u_n / normal_terms, -dun / normal_terms)),
+        ]
 
 
 class Trial(NamedTuple):
@@ -387,7 +393,8 @@ def _accepted(motion: Motion, y: State, trial: Trial, events: list[Event]) -> St
         lambda: (y.unloads > 0) & (END * F_max >= F) & (u_n > 0),
     )
     turned = abs(a1 - y.a1) + abs(a2 - y.a2)
-    missed = choose(switches | turns, lambda: EVENT * motion.terms, lambda: zero)
+    missed = choose(turns, lambda: EVENT * motion.normal_terms, lambda: zero)
+    missed = choose(switches, lambda: EVENT * motion.terms, lambda: missed)
     error = mu * maximum(y.F, F) * trial.h * maximum(motion.before.error, spring.error)
     missed = missed + choose(follows, lambda: motion.missed + error, lambda: zero)
     pressed = (y.unloads < 1) & (u_n < springs.velocity(y.P1, y.P2, y.Pn)[2])
