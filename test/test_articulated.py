@@ -473,6 +473,17 @@ def test_invalid_inverse_inertias_are_refused():
         resolve(nothing, Body.static(), contact)
 
 
+@pytest.mark.parametrize("wrong", [*itertools.combinations(range(6), 2)])
+@pytest.mark.parametrize("others", [0.0, 1.0, 1e308])
+def test_an_inverse_inertia_whose_trace_is_beyond_float64_is_checked(wrong, others):
+    matrix = np.diag([others] * 6)
+    matrix[wrong, wrong] = -1e308
+    with refused(StatusCode.INVALID_INERTIA, "body_a.inverse_inertia"):
+        resolve(
+            Body.articulated(matrix, velocity=(0, 0, -1)), Body.static(), Contact.of((0, 0, 0), (0, 0, 1))
+        )
+
+
 @pytest.mark.parametrize("unit", [2.0**-20, 1.0, 2.0**20])
 def test_the_check_of_the_matrix_does_not_depend_on_units(unit):
     """In other units of length the angular rows grow by ``unit``, and the angular block by its square."""

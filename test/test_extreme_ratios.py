@@ -288,3 +288,25 @@ def test_moreau_in_extended_precision_sees_the_least_gain_of_energy(friction):
             impact = resolve(*case.request(), ImpactModel(Law.MOREAU, precision=Precision.EXTENDED))
             assert impact.adjustments is Adjustment.LAW_FALLBACK, case
             assert error_of(impact, P) <= impact.error_bound, case
+
+
+@pytest.mark.parametrize("law", [Law.MOREAU, Law.COULOMB])
+def test_numbers_at_both_ends_of_float64_are_answered_or_refused(law):
+    """With MOREAU, some leave to fractions beyond float64 whether they separate."""
+    draw = random.Random(3)
+    numbers = [0.0, 1.0, -1.0, 0.3, 1e-5, 5e-324, 1e-300, 1e154, 1e308, -1e308]
+
+    def vector():
+        return tuple(draw.choice(numbers) for _ in range(3))
+
+    inertia = (1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
+    for _ in range(100):
+        body = Body.dynamic(abs(draw.choice(numbers)) or 1.0, inertia, vector(), None, vector(), vector())
+        other = Body.dynamic(1.0, inertia, vector(), None, vector(), vector())
+        contact = Contact.of(vector(), (draw.choice(numbers), 0.3, 1e308), 0.5, 1e308)
+        try:
+            impact = resolve(body, other, contact, ImpactModel(law))
+        except ImpactError as error:
+            assert error.code in (StatusCode.OUT_OF_RANGE, StatusCode.INVALID_MASS)
+            continue
+        assert impact.status in (StatusCode.OK, StatusCode.SEPARATING, StatusCode.TOLERANCE_NOT_MET)

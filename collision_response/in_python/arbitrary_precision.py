@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from fractions import Fraction
 from typing import Any, NamedTuple
 
 from ..answer import Impact, bounded_vectors, make_impact
@@ -114,7 +115,8 @@ def _exact_if_separating(request: tuple[Body, Body, Contact]) -> Attempt | None:
     """
     body_a, body_b, contact = request
     bodies = body_as_fractions(body_a), body_as_fractions(body_b)
-    answer = impact(*bodies, contact_as_fractions(contact), Law.FRICTIONLESS)
+    settings = Settings(restitution_threshold=Fraction(0))  # a float would round numbers beyond float64
+    answer = impact(*bodies, contact_as_fractions(contact), Law.FRICTIONLESS, settings)
     try:
         return Attempt(answer.as_floats(), 0.0, 0.0) if answer.flags.separating else None
     except OverflowError:

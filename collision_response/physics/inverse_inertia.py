@@ -128,8 +128,9 @@ class InverseInertia(NamedTuple):
         depend on the units of mass and length.
         """
         full = {(i, j): x for (i, j), x in zip(_PLACES, self, strict=True)}
-        linear, angular = self.xx + self.yy + self.zz, self.aa + self.bb + self.cc
-        floors = [ROUNDING * linear] * 3 + [ROUNDING * angular] * 3
+        linear = ROUNDING * self.xx + ROUNDING * self.yy + ROUNDING * self.zz  # their sum may be infinite
+        angular = ROUNDING * self.aa + ROUNDING * self.bb + ROUNDING * self.cc
+        floors = [linear] * 3 + [angular] * 3
         units = [or_one(square_root(maximum(maximum(full[i, i], floors[i]), 0 * linear))) for i in range(6)]
         s = {(i, j): full[i, j] / units[i] / units[j] for i, j in _PLACES}
         for _ in range(6):
