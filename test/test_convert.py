@@ -287,6 +287,19 @@ def test_a_link_given_by_its_inverse_inertia(graph):
     assert result.kinetic_energy_after == pytest.approx(-(1 - 0.25) / 2 / 2, rel=1e-14)
 
 
+def test_a_link_may_have_a_name(graph):
+    graph.serve()
+    link = BodyState(name="arm", inverse_inertia=[float(i == j) for i in range(6) for j in range(6)])
+    link.header.frame_id = "world"
+    link.twist.linear.z = -1.0
+    request = ResolveCollision.Request(body_a=link, body_b=BodyState(motion_type=BodyState.KINEMATIC))
+    request.body_b.header.frame_id = request.contact.header.frame_id = "world"
+    request.contact.normal.z, request.contact.restitution, request.contact.friction = 1.0, 0.5, 0.0
+    answer = graph.call(request)
+    assert answer.success, answer.result.status.message
+    assert answer.result.twist_a.linear.z == 0.5
+
+
 @pytest.mark.parametrize("count", [1, 35])
 def test_an_inverse_inertia_of_the_wrong_length(count):
     state = BodyState(inverse_inertia=[1.0] * count)

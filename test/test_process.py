@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import random
 import re
 import signal
 import subprocess
@@ -23,9 +24,10 @@ from rclpy.node import Node
 from rclpy.task import Future
 from ros_graph import DEADLINE, balls_meet, falling, wait_until
 
-from collision_response import ImpactModel, StatusCode
+from collision_response import Body, Contact, ImpactModel, Law, StatusCode
 from collision_response.ros.node import CollisionResponseNode
 from collision_response.ros.process import spin
+from collision_response.ros.scene_client import pack
 
 JAZZY = os.environ.get("ROS_DISTRO") == "jazzy"
 FAST_DDS = "FASTRTPS_DEFAULT_PROFILES_FILE" if JAZZY else "FASTDDS_DEFAULT_PROFILES_FILE"
@@ -248,6 +250,27 @@ def test_the_profile_disables_shared_memory(ros_domain, tmp_path, profile, share
         check=True,
     )
     assert (run.stdout.strip(), run.stderr) == (shares, "")
+
+
+def test_a_scene_beyond_the_shutdown_timeout_is_abandoned(graph, start):
+    """A tower of 300 balls with masses up to 1e6 apart takes several seconds."""
+    node = start("-p", "shutdown_timeout:=1.0", "-p", "budget.scene_contacts:=4096")
+    assert graph.call(balls_meet()).success
+    draw, last = random.Random(3), graph.diagnostics()
+    spheres = [
+        Body.sphere(10 ** draw.uniform(-3, 3), 0.5, position=(0, 0, i + 0.5), velocity=(0, 0, -draw.random()))
+        for i in range(300)
+    ]
+    contacts = [Contact.of((0, 0, i), (0, 0, 1), 0.5, 0.3) for i in range(len(spheres))]
+    pairs = [(i + 1, i) for i in range(len(spheres))]
+    long = graph.call_async(pack([Body.static(), *spheres], pairs, contacts, ImpactModel(Law.COULOMB)))
+    wait_until(lambda: last() and last()[1]["requests waiting"] == "1")
+    node.send_signal(signal.SIGTERM)
+    _, stderr = node.communicate(timeout=DEADLINE)
+    assert node.returncode == 0, stderr
+    assert "most recent call first" not in stderr
+    wait_until(long.done)
+    assert long.result().result.status.code == StatusCode.SHUTTING_DOWN
 
 
 def test_requests_beyond_the_shutdown_timeout_are_refused(graph, start):

@@ -163,8 +163,16 @@ REFUSALS = [
     Refused(StatusCode.FRAME_MISMATCH, {"contact.header.frame_id": "odom"}, "body_a.header.frame_id", "odom"),
     Refused(StatusCode.UNKNOWN_BODY, {"body_b": BodyState(name="ghost")}, "body_b.name", "'ghost'"),
     Refused(
+        StatusCode.UNKNOWN_BODY,
+        {"body_a": BodyState(), "contact.body_a": "ghost"},
+        "contact.body_a",
+        "'ghost'",
+    ),
+    Refused(
         StatusCode.UNKNOWN_BODY, {"body_a.name": "cup", "contact.body_a": "dish"}, "contact.body_a", "'dish'"
     ),
+    Refused(StatusCode.SAME_BODY, {"body_a.name": "x", "contact.body_b": "x"}, "contact.body_b", "'x'"),
+    Refused(StatusCode.SAME_BODY, {"contact.body_a": "x", "contact.body_b": "x"}, "contact.body_b", "'x'"),
     Refused(StatusCode.SAME_BODY, {"body_a.name": "cup", "body_b.name": "cup"}, "body_b.name", "'cup'"),
     refused(StatusCode.INVALID_MODEL, "model.law", 77),
     refused(StatusCode.INVALID_MODEL, "model.geometry", 88),

@@ -412,7 +412,7 @@ def test_bodies_may_be_named_by_the_contact_only(graph):
     assert answer.result.normal_velocity_before == -4.0
     request.contact.body_b = "ghost"
     status = graph.call(request).result.status
-    assert (status.code, status.message.split(":")[0]) == (StatusCode.UNKNOWN_BODY, "body_b.name")
+    assert (status.code, status.message.split(":")[0]) == (StatusCode.UNKNOWN_BODY, "contact.body_b")
 
 
 def test_states_of_many_bodies_come_in_a_table(graph):

@@ -21,9 +21,10 @@ from ..batch.arrays import Array
 from ..batch.plan import BatchRequest, plan_for
 from ..batch.resolve_batch import resolve_with_pauses
 from ..batch.rows import Layout
-from ..body_conversions import moment_about_z, orientation_of, planar_spin, with_com_as_reference
+from ..body_numbers import orientation_of
 from ..model import Geometry
 from ..msg import BodyState
+from ..physics.centre_of_mass import moment_about_z, planar_spin, with_com_as_reference
 from ..physics.laws import PATHS
 from ..srv import ResolveCollisionBatch
 from ..status import ImpactError, StatusCode

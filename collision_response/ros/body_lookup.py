@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from operator import attrgetter
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -142,14 +142,14 @@ def complete(request: ResolveCollision.Request, finder: StateFinder) -> Steps[li
             ``check`` of the finder.
     """
     yield from ()  # two bodies need no pause
-    names = dict(zip(OWNERS, names_of(request), strict=True))
+    given = dict(zip(OWNERS, names_of(request), strict=True))
     bodies = {owner: getattr(request, owner) for owner in OWNERS}
-    by_name = [owner for owner in OWNERS if names[owner] and _has_only_a_name(bodies[owner])]
+    by_name = [owner for owner in OWNERS if given[owner].name and _has_only_a_name(bodies[owner])]
     for owner in OWNERS:
         if owner not in by_name:
             finder.check_frame(owner, bodies[owner])
             _check_is_given(owner, bodies[owner])
-    found = {owner: finder.find(owner, f"{owner}.name", names[owner]) for owner in by_name}
+    found = {owner: finder.find(owner, *given[owner]) for owner in by_name}
     for owner, (state, age) in found.items():
         finder.check(owner, state, age)
     for owner, (state, _) in found.items():
@@ -167,13 +167,20 @@ def _has_only_a_name(body: BodyState) -> bool:
 
 def _check_is_given(owner: str, body: BodyState) -> None:
     """Refuse a body that has a name and more, but no mass (INVALID_MASS): it may be meant to be known."""
-    if body.name and not (body.inertia.m or body.motion_type):
+    if body.name and not (body.inertia.m or body.motion_type or body.inverse_inertia):
         reason = f"is 0: to use the last state of {quoted(body.name)}, set no field but its name"
         raise ImpactError(StatusCode.INVALID_MASS, f"{owner}.inertia.m", reason)
 
 
-def names_of(request: ResolveCollision.Request) -> list[str]:
-    """Names of body_a and body_b, from the bodies or the contact; empty where there is none.
+class GivenName(NamedTuple):
+    """The name of a body in a request, and the field that has it; empty where there is none."""
+
+    field: str
+    name: str
+
+
+def names_of(request: ResolveCollision.Request) -> list[GivenName]:
+    """Names of body_a and body_b, from the bodies or the contact.
 
     Raises:
         ImpactError: UNKNOWN_BODY if the two places differ; SAME_BODY.
@@ -184,10 +191,13 @@ def names_of(request: ResolveCollision.Request) -> list[str]:
         if name and name_in_contact and name != name_in_contact:
             reason = f"is {quoted(name_in_contact)}, but {owner}.name is {quoted(name)}"
             raise ImpactError(StatusCode.UNKNOWN_BODY, f"contact.{owner}", reason)
-        names.append(name or name_in_contact)
-    if names[0] and names[0] == names[1]:
-        reason = f"is {quoted(names[1])}, the name of body_a: a body cannot collide with itself"
-        raise ImpactError(StatusCode.SAME_BODY, "body_b.name", reason)
+        names.append(
+            GivenName(f"{owner}.name", name) if name else GivenName(f"contact.{owner}", name_in_contact)
+        )
+    (_, first), (field, second) = names
+    if first and first == second:
+        reason = f"is {quoted(second)}, the name of body_a: a body cannot collide with itself"
+        raise ImpactError(StatusCode.SAME_BODY, field, reason)
     return names
 
 

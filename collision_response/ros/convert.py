@@ -23,7 +23,7 @@ from std_msgs.msg import Header
 
 from ..answer import NUMBERS, Impact
 from ..arguments import check_number
-from ..body_conversions import IDENTITY_QUATERNION, body_to_numbers
+from ..body_numbers import IDENTITY_QUATERNION, body_to_numbers
 from ..materials import NO_MATERIALS, RANGES, Pair, combined_coefficient
 from ..model import ENUMERATIONS, Adjustment, ImpactModel, Precision
 from ..msg import BodyState, CollisionResult, SceneResult
@@ -55,7 +55,7 @@ CORE_TO_MESSAGE = {
 
 ADJUSTMENT_NOTES = {
     Adjustment.NORMALISED_ORIENTATION: "a pose.orientation was not of unit length and was normalised",
-    Adjustment.RESTITUTION_THRESHOLD: "the approach is slower than restitution_threshold: restitution was 0",
+    Adjustment.RESTITUTION_THRESHOLD: "slower than restitution_threshold: restitution was the law's least",
     Adjustment.LAW_FALLBACK: "the law has no solution here, or would create energy: model.law was used",
     Adjustment.ENERGY_CHANGE_ONLY: "a body is articulated: kinetic energies include only its change",
     Adjustment.NO_REBOUND: "bodies would rebound without end: restitution was 0",

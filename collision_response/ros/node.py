@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import faulthandler
+import os
+import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -36,7 +38,7 @@ from .diagnostics import Counters, Diagnostics
 from .impacts import ImpactService
 from .parameters import DECLARATIONS, DeclaringNode
 from .process import StartError, limit_memory, run
-from .scenes import SceneService
+from .scenes import SceneService, still_computes
 from .serialized import MalformedMessage
 from .server import Server
 from .states import LatestStates
@@ -52,6 +54,9 @@ TABLE_TOPIC = "all_body_states"
 
 MIN_SHUTDOWN_TIME = 2.0
 """Time [s] that destroying the node may always take, however short ``shutdown_timeout`` is."""
+
+TIME_TO_END = 0.1
+"""Time [s] in which a thread without work ends."""
 
 REFUSING_TIME = 0.3
 """Computing time [s] in which the node can refuse 5000 requests at the end."""
@@ -158,7 +163,7 @@ class CollisionResponseNode(DeclaringNode):
             faulthandler.cancel_dump_traceback_later()
 
     def destroy_node(self) -> None:
-        """Destroy the node, complete the recording, and wait for the scene that is computed at the moment."""
+        """Destroy the node, and complete the recording."""
         for waitable in [*self.waitables]:
             if isinstance(waitable, TakeAllWaitable):  # rclpy would leave it to the executor
                 self.remove_waitable(waitable)
@@ -244,7 +249,12 @@ def warm_up() -> None:
 
 def main(args: list[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM, and return the exit code."""
-    return run(_make_node, args, CollisionResponseNode.shut_down)
+    code = run(_make_node, args, CollisionResponseNode.shut_down)
+    if still_computes(TIME_TO_END):  # Python would wait for the thread
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    return code
 
 
 def _make_node() -> CollisionResponseNode:

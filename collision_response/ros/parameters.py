@@ -73,8 +73,8 @@ DECLARATIONS = (
     fixed(
         "max_bodies",
         10_000,
-        "Number of body states to keep, and as many again from BodyStates tables, of which the last of each "
-        "publisher counts. Beyond, the least recently updated are dropped.",
+        "Number of body states to keep, and as many again from the last BodyStates table of each publisher. "
+        "Beyond, the least recently updated are dropped.",
         1,
         10**6,
     ),
@@ -130,7 +130,9 @@ DECLARATIONS = (
     ),
     Declaration("budget.contacts", 200_000, "Greatest number of contacts in one batch.", 1, 10**9),
     Declaration("budget.scene_contacts", 256, "Greatest number of contacts in one scene.", 1, 4096),
-    Declaration("budget.time", 60.0, "Longest computing time [s] of one request. 0: no limit."),
+    Declaration(
+        "budget.time", 60.0, "Longest computing time [s] of one request that is no scene. 0: no limit."
+    ),
     fixed(
         "memory_limit",
         2048,

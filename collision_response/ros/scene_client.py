@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arguments import as_list
-from ..body_conversions import body_to_numbers
+from ..body_numbers import body_to_numbers
 from ..model import DEFAULT, ImpactModel, check_model
 from ..physics.body import Body
 from ..physics.contact import Contact

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
 from functools import partial
@@ -9,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..body_conversions import ROWS, body_from_numbers
+from ..body_numbers import ROWS, body_from_numbers
 from ..model import ImpactModel
 from ..msg import BodyState, SceneResult
 from ..msg import Contact as ContactMessage
@@ -60,11 +61,23 @@ SceneProblem = tuple[list[Body], list[tuple[int, int]], list[Contact], ImpactMod
 """A request as the numeric core takes it: the arguments of :func:`~collision_response.resolve_scene`."""
 
 
+THREAD = "scenes"
+"""How the names of threads that compute scenes begin."""
+
+
 def _start_thread() -> ThreadPoolExecutor:
     """Return an executor whose thread runs, so that none needs to start when memory is short."""
-    executor = ThreadPoolExecutor(1, "scenes")
+    executor = ThreadPoolExecutor(1, THREAD)
     executor.submit(int).result()
     return executor
+
+
+def still_computes(wait: float) -> bool:
+    """Whether a scene of a service that is closed is still computed in this process, after a time [s]."""
+    threads = [thread for thread in threading.enumerate() if thread.name.startswith(THREAD)]
+    for thread in threads:
+        thread.join(wait / len(threads))
+    return any(thread.is_alive() for thread in threads)
 
 
 @dataclass
@@ -112,8 +125,8 @@ class SceneService:
         return future.result()
 
     def close(self) -> None:
-        """Wait for the scene that is computed, and end the thread."""
-        self._executor.shutdown(cancel_futures=True)
+        """Compute no more scenes. The thread ends with the scene that it computes: nothing stops that."""
+        self._executor.shutdown(wait=False, cancel_futures=True)
 
     def refusal(self, request: ResolveScene.Request, error: ImpactError) -> ResolveScene.Response:
         """Response that says why there is no answer, with the model of the request."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from rclpy.serialization import deserialize_message
 
-from ..body_conversions import ROWS
+from ..body_numbers import ROWS
 from ..msg import BodyState, BodyStates
 from .convert import state_from
 
