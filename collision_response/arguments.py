@@ -117,18 +117,19 @@ def of_one_type(given: Mapping[str, Any]) -> list[Any]:
     return [finite_number(name, x) for name, x in given.items()]
 
 
-def check_count(field: str, value: Any, least: int, most: float, code: StatusCode) -> int:
+def check_count(field: str, value: Any, least: int, most: float) -> int:
     """Check that a value is a whole number in ``[least, most]``, and return it as an ``int``.
 
     Raises:
-        ImpactError: ``code``, if it is out of range.
+        ImpactError: INVALID_MODEL, if it is out of range.
         TypeError: if it is not a whole number of Python or NumPy.
     """
     number = of_python(value)
     if not (is_real(value) and isinstance(number, int)):
         raise TypeError(f"{field}: must be a whole number, is {format_value(value)}")
     if not least <= number <= most:
-        raise ImpactError(code, field, f"must be {format_range(least, most)}; is {format_value(number, str)}")
+        reason = f"must be {format_range(least, most)}; is {format_value(number, str)}"
+        raise ImpactError(StatusCode.INVALID_MODEL, field, reason)
     return number
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from .body_conversions import com_in_world_axes, moment_about_z, planar_spin
 from .model import Geometry
 from .numbers.operations import Condition, Scalar, all_of, all_zero, negation
 from .physics.body import Body
+from .physics.centre_of_mass import com_in_world_axes, moment_about_z, planar_spin
 from .physics.contact import Contact
 from .physics.tensor import ZERO_TENSOR
 from .physics.vector import ZERO, Vec3

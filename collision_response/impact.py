@@ -33,7 +33,7 @@ from .physics.contact import Contact
 from .physics.effective_mass import ContactKinematics
 from .physics.energy import kinetic_energy
 from .physics.laws import BY_SPEED, LAWS, Coefficients, Law, Outcome, Regime, Settings
-from .physics.laws.chatterjee_ruina import fallback_where
+from .physics.laws.coulomb import fallback_where
 from .physics.laws.law import Solution
 from .physics.vector import Vec3
 

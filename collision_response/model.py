@@ -65,7 +65,8 @@ class Adjustment(IntFlag):
     NORMALISED_ORIENTATION = 1
     """A quaternion did not have unit length and was normalised."""
     RESTITUTION_THRESHOLD = 2
-    """The approach was slower than ``restitution_threshold``, so restitution was taken as 0."""
+    """The approach was slower than ``restitution_threshold``, so restitution was taken as 0; in
+    scenes by ROUTH_STRONGE as 0.05, the least that it can have."""
     LAW_FALLBACK = 4
     """COULOMB answered in place of the law; in a scene without friction, FRICTIONLESS. Either MOREAU has no
     solution or would create energy, or friction acts on a mechanism that moves in one direction only, or

@@ -44,7 +44,7 @@ def rules(body_a: Body, body_b: Body, contact: Contact, tangential_restitution: 
     for name, body in (("body_a", body_a), ("body_b", body_b)):
         yield from _body_rules(name, body)
     movable = body_a.is_movable() | body_b.is_movable()
-    yield Rule(movable, StatusCode.NO_DYNAMIC_BODY, "body_a", "or body_b must be dynamic")
+    yield Rule(movable, StatusCode.NO_DYNAMIC_BODY, "body_a", "must be dynamic, or body_b must be")
     yield _finite("contact.position", contact.position)
     yield _finite("contact.normal", contact.normal)
     yield Rule(

@@ -215,6 +215,15 @@ def test_clusters_of_several_contacts_need_no_python(law, monkeypatch):
     np.testing.assert_array_equal(found.velocity, expected.velocity)
 
 
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.MOREAU, Law.ROUTH_STRONGE])
+def test_a_tangential_restitution_that_the_law_ignores_costs_nothing(law, monkeypatch):
+    boxes = [box((0.2, 0.1 * i, -1), (0.3, 0, 0), e=0.5, mu=0.3) for i in range(5)]
+    expected = resolved(boxes, ImpactModel(law))
+    monkeypatch.setattr(sys.modules["collision_response.batch.resolve_scenes"], "resolve_scene", pytest.fail)
+    found = resolved(boxes, ImpactModel(law, tangential_restitution=0.5))
+    np.testing.assert_array_equal(found.velocity, expected.velocity)
+
+
 def test_laws_for_single_contacts_are_refused_cluster_by_cluster():
     scenes = [box(), row_of_balls([1.0, -1.0], number=float)]
     assert resolved(scenes, ImpactModel(Law.ROUTH_POISSON)).status.tolist() == [10, 1]

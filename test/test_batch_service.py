@@ -21,8 +21,8 @@ from collision_response.batch import resolve_batch
 from collision_response.batch.plan import BatchRequest
 from collision_response.batch.result import REPORTED_ADJUSTMENTS
 from collision_response.batch.rows import body_rows, contact_rows
-from collision_response.body_conversions import moment_about_z, planar_spin, with_com_as_reference
 from collision_response.msg import BodyState, CollisionResult
+from collision_response.physics.centre_of_mass import moment_about_z, planar_spin, with_com_as_reference
 from collision_response.ros import batch_client, batches
 from collision_response.ros.batch_client import pack, unpack
 from collision_response.ros.convert import body_of, write_model

@@ -49,7 +49,7 @@ from collision_response.numbers.operations import (
 )
 from collision_response.physics.effective_mass import ContactKinematics
 from collision_response.physics.laws import LAWS, Settings
-from collision_response.physics.laws.chatterjee_ruina import fallback
+from collision_response.physics.laws.coulomb import fallback
 from collision_response.status import StatusCode
 
 

@@ -18,7 +18,7 @@ LAYERS = (
     {"status", "strict_yaml"},
     {"arguments"},
     {"physics"},
-    {"body_conversions", "model"},
+    {"body_numbers", "model"},
     {"description", "geometry", "impact", "materials", "validity"},
     {"answer"},
     {"kernels"},

@@ -21,7 +21,7 @@ from collision_response import (
     resolve_scene,
 )
 from collision_response.kernels import library
-from collision_response.scene.reflections import THRESHOLD
+from collision_response.scene.frictionless import THRESHOLD
 
 LAWS = [Law.AUTO, Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU]
 

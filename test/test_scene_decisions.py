@@ -12,7 +12,7 @@ from scene_cases import Scene, assert_within_bound, distance, row_of_balls, spee
 from collision_response import Adjustment, Body, Contact, ImpactModel, Law, StatusCode, resolve_scene
 from collision_response.physics.tensor import Symmetric3
 from collision_response.physics.vector import Vec3
-from collision_response.scene import reflections
+from collision_response.scene import frictionless
 from collision_response.scene.rational_cluster import RationalCluster
 
 
@@ -100,7 +100,7 @@ def test_a_ball_that_rattles_takes_no_more_digits_than_the_budget(kind, walls, m
     else:
         assert answer.kinetic_energy_after == pytest.approx(0.5, rel=1e-6)
         assert answer.error_bound < 1e-3
-    assert sum(spent[:-1]) <= reflections.DIGITS  # what goes beyond is not looked at again
+    assert sum(spent[:-1]) <= frictionless.DIGITS  # what goes beyond is not looked at again
     assert spent or not (walls or kind is F)
 
 
@@ -133,7 +133,7 @@ def test_between_walls_that_are_parallel_but_for_rounding_nothing_rebounds(e, ve
 
     Reflections would go on for ever, and hardly change anything: hardly any digits are needed to know that.
     """
-    monkeypatch.setattr(reflections, "DIGITS", 2**14)
+    monkeypatch.setattr(frictionless, "DIGITS", 2**14)
     normals = ((1.0, 0.0, 0.0), (-1.0, off, 0.0))
     bodies = [Body.dynamic(2.0, velocity=velocity), Body.static(), Body.static()]
     contacts = [Contact.of((0, 0, 0), n, e) for n in normals]
@@ -157,8 +157,8 @@ def test_many_reflections_of_few_digits_are_within_the_budget_too(corners, monke
 
     With an eighth of the usual budgets, of which 2 contacts use up the number of reflections.
     """
-    monkeypatch.setattr(reflections, "DIGITS", reflections.DIGITS // 8)
-    monkeypatch.setattr(reflections, "REFLECTIONS", reflections.REFLECTIONS // 8)
+    monkeypatch.setattr(frictionless, "DIGITS", frictionless.DIGITS // 8)
+    monkeypatch.setattr(frictionless, "REFLECTIONS", frictionless.REFLECTIONS // 8)
     looks = []
     violated = RationalCluster.violated
     monkeypatch.setattr(RationalCluster, "violated", lambda *given: looks.append(1) or violated(*given))
@@ -171,8 +171,8 @@ def test_many_reflections_of_few_digits_are_within_the_budget_too(corners, monke
     ]
     answer = resolve_scene(bodies, [(0, 1)] * corners + [(0, 2)] * corners, contacts)
     assert answer.adjustments is Adjustment.NO_REBOUND
-    assert len(looks) <= reflections.REFLECTIONS
-    assert (len(looks) - 1) * len(contacts) ** 2 * reflections.LEAST_DIGITS <= reflections.DIGITS
+    assert len(looks) <= frictionless.REFLECTIONS
+    assert (len(looks) - 1) * len(contacts) ** 2 * frictionless.LEAST_DIGITS <= frictionless.DIGITS
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])

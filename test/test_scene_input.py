@@ -30,7 +30,7 @@ from collision_response import (
 )
 from collision_response.kernels import protocol
 from collision_response.physics.vector import Vec3
-from collision_response.scene import reflections
+from collision_response.scene import frictionless
 
 UP = Contact.of((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 BALL = Body.dynamic(1.0, velocity=(0.0, 0.0, -1.0))
@@ -441,7 +441,7 @@ def test_a_gripper_moves_what_it_holds(law, mu, points, tilt, monkeypatch):
     energies here are 0.1 J, right to the last bits. An eighth of the usual budget: a box that rattles uses
     all of it.
     """
-    monkeypatch.setattr(reflections, "DIGITS", reflections.DIGITS // 8)
+    monkeypatch.setattr(frictionless, "DIGITS", frictionless.DIGITS // 8)
     for e in (0.0, 0.5, 1.0):
         answer = gripped(points, tilt, e, mu, seed=points).resolve(law)
         after = answer.normal_velocities_after

@@ -11,7 +11,7 @@ from scene_cases import Scene, box, row_of_balls, speeds
 
 from collision_response import Adjustment, Body, Contact, ImpactModel, Law, Regime, StatusCode, resolve_scene
 from collision_response.physics.vector import Vec3
-from collision_response.scene.reflections import THRESHOLD
+from collision_response.scene.frictionless import THRESHOLD
 
 GR, LCP, LZB = Law.FRICTIONLESS, Law.MOREAU, Law.ROUTH_STRONGE
 

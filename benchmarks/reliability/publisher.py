@@ -34,7 +34,7 @@ class Template:
         from rclpy.serialization import serialize_message
 
         from collision_response import msg
-        from collision_response.body_conversions import body_to_numbers
+        from collision_response.body_numbers import body_to_numbers
 
         self.kind = getattr(msg, name)
         self.bodies = 1 if name == "BodyState" else TABLE

@@ -92,7 +92,7 @@ def resolve_batch(
             number.
         ValueError: if an array has the wrong shape or type.
     """
-    check_count("workers", workers, 1, math.inf, StatusCode.INVALID_MODEL)
+    check_count("workers", workers, 1, math.inf)
     if not (out is None or isinstance(out, BatchResult)):
         raise ValueError(f"out: must be a BatchResult, is {type(out).__name__}")
     if not (isinstance(bodies, np.ndarray) and isinstance(contacts, np.ndarray)) or (

@@ -34,7 +34,7 @@ from ..kernels import library, protocol
 from ..model import DEFAULT, LARGEST_BOUND, ImpactModel
 from ..physics.laws import PATHS
 from ..scene import resolve_scene
-from ..scene.reflections import THRESHOLD
+from ..scene.frictionless import THRESHOLD
 from ..status import ImpactError, StatusCode
 from .arrays import Array, as_numpy, compared_by_identity
 from .one_by_one import body_of, contact_of
@@ -130,7 +130,7 @@ def resolve_scenes(
     """
     bodies = np.ascontiguousarray(as_numpy("bodies", bodies))
     contacts, pairs = np.ascontiguousarray(as_numpy("contacts", contacts)), as_pairs(pairs)
-    check_count("workers", workers, 1, math.inf, StatusCode.INVALID_MODEL)
+    check_count("workers", workers, 1, math.inf)
     check_number("threshold", threshold, 0, math.nextafter(1, 0), StatusCode.INVALID_MODEL)
     request = BatchRequest.of(bodies, contacts, model, pairs)
     model = request.plan.model

@@ -22,7 +22,7 @@ import numpy as np
 from ..answer import Impact
 from ..arguments import check_number
 from ..batch.arrays import Array, compared_by_identity
-from ..body_conversions import orientation_of
+from ..body_numbers import orientation_of
 from ..model import DEFAULT, Adjustment, ImpactModel
 from ..physics.body import Body
 from ..physics.contact import Contact

@@ -29,10 +29,10 @@ import numpy as np
 
 from ..arguments import finite_number
 from ..batch.arrays import Array
-from ..body_conversions import com_in_world_axes
 from ..in_python.request_numbers import body_as_fractions, contact_as_fractions, read_request
 from ..model import DEFAULT, Adjustment, ImpactModel
 from ..physics.body import Body
+from ..physics.centre_of_mass import com_in_world_axes
 from ..physics.contact import Contact
 from ..physics.laws import Regime
 from ..physics.vector import Vec3, as_vector

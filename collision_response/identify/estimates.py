@@ -118,7 +118,7 @@ def _variance(problem: LeastSquares, best: Any) -> float:
 
 
 def _confounded(jacobian: Array, names: tuple[str, ...]) -> set[str]:
-    """Return the coefficients of which the impacts determine only a combination."""
+    """Return the coefficients that the impacts determine only in combination."""
     effective = [i for i in range(len(names)) if jacobian[:, i].any()]
     if len(effective) < 2:
         return set()

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from ..arguments import check_number
-from ..body_conversions import with_com_as_reference
 from ..physics.body import Twist
+from ..physics.centre_of_mass import with_com_as_reference
 from ..physics.vector import Vec3
 from ..recording import table
 from ..recording.viewer_layout import VELOCITIES, velocity_path

@@ -20,7 +20,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ..arguments import number_in
-from ..body_conversions import body_from_numbers
+from ..body_numbers import body_from_numbers
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
 from ..physics.vector import Vec3

@@ -172,8 +172,8 @@ def _check(
     resamples: int,
     seed: int,
 ) -> None:
-    check_count("resamples", resamples, 2, MOST_RESAMPLES, StatusCode.INVALID_MODEL)
-    check_count("seed", seed, 0, math.inf, StatusCode.INVALID_MODEL)
+    check_count("resamples", resamples, 2, MOST_RESAMPLES)
+    check_count("seed", seed, 0, math.inf)
     for field, value, known in (
         ("law", law, LAWS),
         ("kind", kind, measured.kinds),

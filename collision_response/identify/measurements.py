@@ -16,10 +16,11 @@ import numpy as np
 from ..arguments import as_list, check_mapping, check_number, finite_number, real_number
 from ..batch import body_rows, contact_rows, resolve_batch
 from ..batch.arrays import Array
-from ..body_conversions import com_in_world_axes, orientation_of, with_com_as_reference
+from ..body_numbers import orientation_of
 from ..in_python.request_numbers import read_request
 from ..model import Geometry, ImpactModel, Law
 from ..physics.body import Body, Twist
+from ..physics.centre_of_mass import com_in_world_axes, with_com_as_reference
 from ..physics.contact import Contact
 from ..physics.vector import Vec3, as_vector
 from ..resolve import resolve

@@ -26,9 +26,10 @@ Several contacts at once, in ``scene/``::
 
     resolve_cluster.cpp        one cluster: applies a law, with its fallbacks; laws.hpp lists the laws
     assembly.cpp               its bodies and contacts, and what impulses do to them
-    reflections.cpp            FRICTIONLESS, by the projections of projection.cpp
+    frictionless.cpp           FRICTIONLESS, by the projections of projection.cpp
     coulomb.cpp                COULOMB, by the programme of cones.cpp
-    moreau.cpp, stronge.cpp    MOREAU and ROUTH_STRONGE, the latter along a path
+    moreau.cpp                 MOREAU
+    routh_stronge.cpp          ROUTH_STRONGE, along a path
     coulomb_conditions.cpp     friction that opposes each slip: for MOREAU, and COULOMB where contacts part
     least_norm.cpp             how contacts share a load; shared_loads.cpp: which of them carry it
     effect.cpp                 the answer: twists, energies, and the bound on their error

@@ -15,6 +15,10 @@ LEAST_SPRING_RESTITUTION = 0.05
 """Least restitution for ROUTH_STRONGE in a cluster. The less it is, the longer springs take to part."""
 
 
+USUAL_EXPONENT = 100
+"""Clusters scale the normals and quaternions whose largest number is above 2^100, or below its inverse."""
+
+
 class Handover(IntEnum):
     """Why the kernels' ``resolve`` hands a request over to Python instead of answering it."""
 

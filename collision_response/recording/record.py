@@ -11,7 +11,7 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from .. import Body, Contact, Impact, ImpactModel, SceneImpact
-from ..body_conversions import body_from_numbers, body_to_numbers
+from ..body_numbers import body_from_numbers, body_to_numbers
 
 
 class Record(NamedTuple):

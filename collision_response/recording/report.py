@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..body_conversions import ROWS
+from ..body_numbers import ROWS
 from .colours import BLUE, GREY, ORANGE, REGIMES, Colour
 from .rerun_sdk import compute, pa
 from .table import divide, rows_of

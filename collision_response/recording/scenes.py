@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import ImpactError, SceneImpact, resolve_scene
-from ..body_conversions import ROWS, body_from_numbers, body_to_numbers
+from ..body_numbers import ROWS, body_from_numbers, body_to_numbers
 from ..model import ENUMERATIONS
 from ..scene.answer import NUMBERS
 from . import table

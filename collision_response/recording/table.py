@@ -16,7 +16,7 @@ import numpy as np
 
 from .. import Body, Contact, Geometry, ImpactError, ImpactModel, Law, Precision, resolve
 from ..answer import NUMBERS
-from ..body_conversions import ROWS, body_from_numbers, body_to_numbers
+from ..body_numbers import ROWS, body_from_numbers, body_to_numbers
 from ..in_python.coefficients_at_speed import approach_speed, restitutions_at_speeds
 from ..model import ENUMERATIONS
 from ..physics.inverse_inertia import InverseInertia
@@ -290,7 +290,7 @@ def body_of(row: dict[str, Any], side: str) -> Body:
     return body_from_numbers(row[f"request_{side}"], row.get(f"inverse_inertia_{side}"))
 
 
-def model_of(numbers: Sequence[float]) -> ImpactModel:
+def model_of(numbers: Sequence[Any]) -> ImpactModel:
     """Model from the numbers of ``request_model``.
 
     Raises:

@@ -13,8 +13,9 @@ from uuid import uuid4
 
 import numpy as np
 
-from ..body_conversions import orientation_of, with_com_as_reference
+from ..body_numbers import orientation_of
 from ..physics.body import Body, Twist
+from ..physics.centre_of_mass import with_com_as_reference
 from ..physics.contact import Contact
 from ..physics.vector import ZERO, Vec3
 from .colours import AFTER, BEFORE, GREEN, GREY, RED, REGIMES, SPIN_AFTER, SPIN_BEFORE, VIOLET

@@ -15,8 +15,8 @@ From the request to its answer:
     answer.py             the answer for the scene
     order_sensitivity.py  how much an order of impacts would change, if asked for; no law has an order
 
-Each law has its derivation and its sources at the head of one file: FRICTIONLESS in ``reflections.py``,
-the others in ``coulomb.cpp``, ``moreau.cpp`` and ``stronge.cpp`` of ``kernels/scene/``.
+Each law has its derivation and its sources at the head of one file: FRICTIONLESS in ``frictionless.py``,
+the others in ``coulomb.cpp``, ``moreau.cpp`` and ``routh_stronge.cpp`` of ``kernels/scene/``.
 
 There are two kinds of cluster: ``Cluster`` of ``kernels/cluster_object.cpp``, in double-double with a bound
 on its error, and the exact :class:`~collision_response.scene.rational_cluster.RationalCluster`, which

@@ -11,7 +11,7 @@ from ..arguments import check_number
 from ..in_python.coefficients_at_speed import approach_speed, initial_friction, restitutions_at_speeds
 from ..in_python.request_numbers import as_fraction, body_as_fractions, contact_as_fractions
 from ..kernels import library
-from ..kernels.protocol import LEAST_SPRING_RESTITUTION
+from ..kernels.protocol import LEAST_SPRING_RESTITUTION, USUAL_EXPONENT
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import PATHS, Law
@@ -205,7 +205,7 @@ def _with_scaled_normal(contact: Contact) -> Contact:
     both kinds of cluster must use the same normals.
     """
     _, exponent = math.frexp(max(map(abs, contact.normal)))
-    if abs(exponent) <= 100:
+    if abs(exponent) <= USUAL_EXPONENT:
         return contact
     return contact._replace(normal=Vec3(*(math.ldexp(x, -exponent) for x in contact.normal)))
 

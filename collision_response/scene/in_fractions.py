@@ -22,9 +22,9 @@ from ..physics.laws import Law
 from ..status import StatusCode
 from .assemble import ClusterParts, cluster_in_fractions
 from .cluster_result import ClusterResult
+from .frictionless import reflections
 from .in_kernels import NOTHING_DECIDED, Decided, resolve_in_kernels
 from .rational_cluster import RationalCluster, RationalImpulses
-from .reflections import reflections
 from .request import SceneOptions
 
 

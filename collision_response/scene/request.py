@@ -126,7 +126,7 @@ def check_options(threshold: Any, stiffness: Any, exponent: Any, orders: Any, co
     """
     check_number("threshold", threshold, 0, math.nextafter(1, 0), StatusCode.INVALID_MODEL)
     check_number("exponent", exponent, 1, 10, StatusCode.INVALID_MODEL)
-    check_count("orders", orders, 0, MOST_ORDERS, StatusCode.INVALID_MODEL)
+    check_count("orders", orders, 0, MOST_ORDERS)
     if stiffness is not None:
         if len(stiffness) != contacts:
             raise ValueError(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from ..arguments import check_number
 from ..geometry import suffices
 from ..in_python.request_numbers import body_as_fractions, contact_as_fractions
@@ -99,7 +97,5 @@ def _check_geometry(parts: ClusterParts, geometry: Geometry) -> None:
     for (a, b), given in zip(parts.pairs, parts.contacts, strict=True):
         contact = contact_as_fractions(given)
         if not suffices(geometry, bodies[a], bodies[b], contact, frictionless=False):
-            reason = (
-                f"{geometry.name} leaves out motion that matters, which a cluster of several contacts can't"
-            )
+            reason = f"{geometry.name} leaves out motion of this cluster: use AUTO or SPATIAL"
             raise ImpactError(StatusCode.INVALID_MODEL, "model.geometry", reason)

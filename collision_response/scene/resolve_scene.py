@@ -25,8 +25,8 @@ from .assemble import with_frictions_as_numbers, with_numbers
 from .cluster_result import ClusterAnswer, ImpulseEffect
 from .copies import distinct_contacts, split_among_copies
 from .find_clusters import find_clusters
+from .frictionless import THRESHOLD
 from .order_sensitivity import order_sensitivity
-from .reflections import THRESHOLD
 from .request import (
     ContactIndices,
     SceneOptions,

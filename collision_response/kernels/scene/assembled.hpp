@@ -15,13 +15,13 @@ template <class R> R rounded_to(const N& x) { return rounded_to<R>(value(x)); }
 INLINE double width(const N& x) { return x.error * (1 + 0x1p-30); }  // a bound on the error of high(x)
 
 // The exponent of the power of two that scales a normal or a quaternion into the middle of the range of doubles; 0 if
-// it is there already. _with_scaled_normal in scene/in_fractions.py does the same for normals.
+// it is there already. _with_scaled_normal in scene/assemble.py does the same for normals.
 inline int exponent_of(const double* x, int count) {
   double largest = 0;
   for (int k = 0; k < count; ++k) largest = std::fmax(largest, std::fabs(x[k]));
   int exponent = 0;
   std::frexp(largest, &exponent);
-  return std::abs(exponent) > 100 ? exponent : 0;
+  return std::abs(exponent) > USUAL_EXPONENT ? exponent : 0;
 }
 
 // The power of two just below `size`. Dividing by it loses no digits.

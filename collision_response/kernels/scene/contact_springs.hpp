@@ -1,6 +1,6 @@
-// The contacts of a cluster as springs, for the paths of ROUTH_STRONGE, whose equation stronge.cpp derives. All numbers
-// are doubles, along the axes of each contact, in units near the speeds and masses: powers of two, so that no square
-// overflows or underflows.
+// The contacts of a cluster as springs, for the paths of ROUTH_STRONGE, whose equation routh_stronge.cpp derives. All
+// numbers are doubles, along the axes of each contact, in units near the speeds and masses: powers of two, so that no
+// square overflows or underflows.
 #pragma once
 #include "laws.hpp"
 #include "motion.hpp"

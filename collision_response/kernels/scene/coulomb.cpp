@@ -1,6 +1,6 @@
 // COULOMB for several contacts: the frictionless answer, then the friction that does the least work.
 //
-// First comes the answer without friction, by generalised reflections with restitution: GRR, scene/reflections.py. The
+// First comes the answer without friction, by generalised reflections with restitution: GRR, scene/frictionless.py. The
 // contacts that it loads may then have any impulses P in the friction cones of their own normal impulses, |P_t| <= mu
 // P_n. Of those that keep the normal velocities of GRR, the law takes the P with the least work on the relative
 // velocities u:
@@ -35,7 +35,7 @@
 // programme; where their bound on the error is too large, double-double solves it again.
 //
 // Sources: Kaufman, Sueda, James & Pai, "Staggered Projections for Frictional Contact in Multibody Systems", ACM Trans.
-// Graph. 27 (2008), for maximal dissipation over actual cones; Smith et al. 2012 (see scene/reflections.py), for
+// Graph. 27 (2008), for maximal dissipation over actual cones; Smith et al. 2012 (see scene/frictionless.py), for
 // friction after reflections.
 #include <optional>
 

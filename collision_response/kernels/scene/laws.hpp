@@ -2,7 +2,7 @@
 #pragma once
 #include "impulses.hpp"
 
-// FRICTIONLESS: reflections.cpp. Contacts that approach more slowly than `threshold`, relative to the fastest approach,
+// FRICTIONLESS: frictionless.cpp. Contacts that approach more slowly than `threshold`, relative to the fastest approach,
 // are not reflected.
 ClusterImpulses reflections(const Assembly& assembly, double threshold);
 
@@ -13,7 +13,7 @@ ClusterImpulses least_work_friction(const Assembly& assembly, const ClusterImpul
 // MOREAU: moreau.cpp. Without friction, in double-double.
 ClusterImpulses moreau(const Assembly& assembly, bool has_friction);
 
-// ROUTH_STRONGE: stronge.cpp.
+// ROUTH_STRONGE: routh_stronge.cpp.
 struct SpringOptions {
   Vector stiffness{};  // of each contact, in any unit; empty: all are equal
   double exponent = 1.5;  // eta

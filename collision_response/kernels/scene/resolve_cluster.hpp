@@ -15,7 +15,9 @@ struct ClusterOptions {
   SpringOptions springs{};
 
   // Whether the law resolves several contacts at once. If not, Python raises the error.
-  bool is_for_clusters() const { return law < LAW_COUNT && is_cluster_law[law] && tangential_restitution == 0; }
+  bool is_for_clusters() const {
+    return law < LAW_COUNT && is_cluster_law[law] && (tangential_restitution == 0 || law != LAW_COULOMB);
+  }
   // Whether copies of a contact count as one contact.
   bool merges_copies() const { return law != LAW_ROUTH_STRONGE; }
 };

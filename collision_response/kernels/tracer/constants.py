@@ -31,6 +31,7 @@ from ..protocol import (
     LEAST_SPRING_RESTITUTION,
     RATIONAL_CONTACTS,
     REFLECTIONS,
+    USUAL_EXPONENT,
     Handover,
     NumberType,
     ValidityFlag,
@@ -113,6 +114,7 @@ def constants() -> str:
         f"enum {{\n{enumerators}}};\n"
         f"constexpr double USEFUL_BOUND = {USEFUL_BOUND.hex()};  // an error bound above this says little\n"
         f"constexpr double LEAST_SPRING_RESTITUTION = {LEAST_SPRING_RESTITUTION};\n"
+        f"constexpr int USUAL_EXPONENT = {USUAL_EXPONENT};\n"
         f"{offsets('LAW_INPUT', *LAW_ARGUMENTS)}"
         f"#define EACH_FORMULA(X) {' '.join(f'X({formula})' for formula in formulas)}\n"
         f"static const signed char formula_of[] = {_braced(formula_of)};  // by law\n"

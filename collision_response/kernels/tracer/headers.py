@@ -13,7 +13,7 @@ from ...physics.column import Column
 from ...physics.effective_mass import BodyAtContact, ContactKinematics, ContactNumbers
 from ...physics.energy import kinetic_energy
 from ...physics.laws import LAWS, PATHS, STEPPED, Coefficients, Law
-from ...physics.laws.chatterjee_ruina import fallback
+from ...physics.laws.coulomb import fallback
 from ...physics.tensor import ZERO_TENSOR
 from ...physics.vector import Vec3
 from ..layout import Layout, names_of_body

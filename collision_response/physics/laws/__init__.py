@@ -3,7 +3,7 @@
 The files::
 
     frictionless.py        FRICTIONLESS: Newton's restitution
-    chatterjee_ruina.py    COULOMB: friction in closed form
+    coulomb.py             COULOMB: friction in closed form
     moreau.py              MOREAU: friction in one step; sliding.py solves its equation
     routh.py               ROUTH_POISSON, ROUTH_STRONGE: friction along the path of the impulse
         routh_path.py      - integrates the path while slip turns, with the coefficients of dormand_prince.py
@@ -16,8 +16,8 @@ Those that need a contact in its own axes take them from ``contact_frame.py``.
 ``CONTRIBUTING.md`` says how to add a law.
 """
 
-from .chatterjee_ruina import chatterjee_ruina
 from .compliant import compliant
+from .coulomb import coulomb
 from .frictionless import frictionless
 from .law import Coefficients, Law, Outcome, Regime, Settings
 from .moreau import moreau
@@ -26,7 +26,7 @@ from .routh_by_speed import routh_by_speed
 
 LAWS = {
     Law.FRICTIONLESS: frictionless,
-    Law.COULOMB: chatterjee_ruina,
+    Law.COULOMB: coulomb,
     Law.MOREAU: moreau,
     Law.ROUTH_POISSON: routh,
     Law.ROUTH_STRONGE: routh,

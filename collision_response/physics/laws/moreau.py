@@ -66,8 +66,8 @@ from ...numbers.operations import (
     widened,
 )
 from ..effective_mass import ContactKinematics
-from .chatterjee_ruina import fallback_where
 from .contact_frame import ContactFrame, Tangential
+from .coulomb import fallback_where
 from .law import Coefficients, Outcome, Regime, Solution
 from .sliding import MARGIN, Sliding, safe_divisor
 

@@ -20,7 +20,7 @@ between two velocities, so errors add up but do not grow. Only the set V can jum
 the threshold must be certain.
 
 The computation in fractions is here. The one in double-double, with a bound on the error, is in
-``kernels/scene/reflections.cpp``.
+``kernels/scene/frictionless.cpp``.
 
 Sources: Smith, Kaufman, Vouga, Tamstorf & Grinspun, "Reflections on Simultaneous Impact", ACM Trans.
 Graph. 31 (2012); Vouga, Smith, Kaufman, Tamstorf & Grinspun, "All's Well That Ends Well", ACM Trans.

@@ -1,4 +1,4 @@
-// FRICTIONLESS: generalised reflections in double-double. scene/reflections.py derives them, and computes them in
+// FRICTIONLESS: generalised reflections in double-double. scene/frictionless.py derives them, and computes them in
 // fractions by the same steps.
 #include <map>
 #include <optional>
@@ -6,7 +6,7 @@
 #include "laws.hpp"
 #include "least_norm.hpp"
 #include "projection.hpp"
-#include "residual_bound.hpp"
+#include "projection_bound.hpp"
 
 namespace {
 
@@ -15,10 +15,10 @@ constexpr size_t KEPT_SETS = 200;  // of contacts, as each takes memory for all 
 struct Reflections {
   const Assembly& assembly;
   bool is_fine = false;  // with bounds from the contacts that press in each projection, in double-double: slow
-  std::optional<ResidualBound<double>> residual_bound{};  // from the first projection on
+  std::optional<ProjectionBound<double>> projection_bound{};  // from the first projection on
   // Long chains of impacts project the same contacts again and again.
   std::map<std::vector<int>, std::vector<int>> last_active{};  // of each set of contacts, in its last projection
-  std::map<std::vector<int>, ResidualBound<DD>> fine_bounds{};  // by the contacts of the basis
+  std::map<std::vector<int>, ProjectionBound<DD>> fine_bounds{};  // by the contacts of the basis
 
   ClusterImpulses resolve(double threshold) {
     ClusterImpulses result;
@@ -31,7 +31,7 @@ struct Reflections {
       doubt = std::fmax(doubt, width(contact.velocity) / contact.length + std::fabs(approach) * 0x1p-50);
     }
     if (!(speed > 0)) return result;
-    if (!is_fine) residual_bound.emplace(assembly, assembly.all_contacts());
+    if (!is_fine) projection_bound.emplace(assembly, assembly.all_contacts());
     std::vector<N> u = assembly.velocities(p.data());
     const Projection first = project_from(u, assembly.all_contacts());
     if (first.status != MinimumStatus::FOUND) return {false};
@@ -87,7 +87,7 @@ struct Reflections {
     active = found.active;
     if (found.status != MinimumStatus::FOUND || !(found.error < INFINITY)) return found;
     found.error =
-        std::fmin(found.error, is_fine ? fine_bound(among, found) : (*residual_bound)(among, found.q, found.r));
+        std::fmin(found.error, is_fine ? fine_bound(among, found) : (*projection_bound)(among, found.q, found.r));
     return found;
   }
   double fine_bound(const std::vector<int>& among, const Projection& found) {
@@ -98,7 +98,7 @@ struct Reflections {
     // Contacts without load may hardly separate: then, all must be able to make up for residuals.
     return bound < INFINITY ? bound : bound_by(among)(among, found.q, found.r);
   }
-  const ResidualBound<DD>& bound_by(const std::vector<int>& those) {
+  const ProjectionBound<DD>& bound_by(const std::vector<int>& those) {
     if (fine_bounds.size() == KEPT_SETS) fine_bounds.clear();
     return fine_bounds.try_emplace(those, assembly, those).first->second;
   }

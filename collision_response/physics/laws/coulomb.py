@@ -50,7 +50,7 @@ from ..effective_mass import ContactKinematics, ContactNumbers
 from .law import Coefficients, Outcome, Regime, Solution, slip_regime
 
 
-def chatterjee_ruina(contact: ContactKinematics | ContactNumbers, coefficients: Coefficients) -> Outcome:
+def coulomb(contact: ContactKinematics | ContactNumbers, coefficients: Coefficients) -> Outcome:
     """The impulse of a contact with Coulomb friction and tangential restitution."""
     e, mu, settings = coefficients
     e_t = settings.tangential_restitution
@@ -97,5 +97,5 @@ def fallback_where(
 
 
 def fallback(contact: ContactNumbers, coefficients: Coefficients) -> Solution:
-    """:func:`chatterjee_ruina` in the form that other laws call: compiled, it is a function of its own."""
-    return Solution(*chatterjee_ruina(contact, coefficients)[:4])
+    """:func:`coulomb` in the form that other laws call: compiled, it is a function of its own."""
+    return Solution(*coulomb(contact, coefficients)[:4])

@@ -21,10 +21,10 @@
 #include "assembly.hpp"
 
 template <class R>
-class ResidualBound {
+class ProjectionBound {
  public:
   // With a basis of the contacts `those`.
-  ResidualBound(const Assembly& assembly, const std::vector<int>& those)
+  ProjectionBound(const Assembly& assembly, const std::vector<int>& those)
       : assembly(assembly), size(assembly.count), beside(assembly.count) {
     ActiveSet<R> basis(assembly.couplings<R>().data(), assembly.count);
     const std::vector<int> others = basis.span(those);
