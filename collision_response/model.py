@@ -173,7 +173,11 @@ def bound_limit(model: ImpactModel) -> float:
 
 
 def law_for(law: Law, *, has_friction: bool) -> Law:
-    """Return the law that AUTO stands for; any other law as it is."""
+    """Return the law that AUTO stands for; any other law as it is.
+
+    ``has_friction``: whether the contact has friction; in a scene, whether one of its contacts has; in a
+    table, whether it has a row of friction, even of zeros; for derivatives also if one by friction is asked for.
+    """
     if law is not Law.AUTO:
         return law
     return Law.COULOMB if has_friction else Law.FRICTIONLESS
