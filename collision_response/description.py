@@ -35,6 +35,9 @@ Pose = Any
 MODEL_FRAME = "__model__"
 """SDF's name for the frame of the model."""
 
+FILE_ROUNDING = 0.01
+"""Error of the moments of inertia in files, relative to the greatest: few digits are written."""
+
 WORLD = "world"
 """Name of what does not move: in SDF, and by custom of a link without mass in URDF."""
 
@@ -92,8 +95,9 @@ class Description(NamedTuple):
 
         Raises:
             ValueError: if ``text`` is neither, or has an invalid number, a negative mass, a link, joint or
-                frame without a name or with that of another one, or a joint of unknown type; if a URDF is
-                not a tree or has xacro elements; if an SDF model is static. The message says where.
+                frame without a name or with that of another one of its kind, or a joint of unknown type; if a
+                URDF is not a tree or has xacro elements; if an SDF model is static, or has a pose that is
+                relative to a name that two have. The message says where.
             TypeError: if it is not text.
         """
         if not isinstance(text, (str, bytes)):
@@ -121,8 +125,9 @@ class Description(NamedTuple):
             locked: whether movable joints connect links as fixed joints do.
 
         Raises:
-            ValueError: if there is no such link, or if the body is fixed to the world, has no mass, or has a
-                mass or inertia that exceeds float64.
+            ValueError: if there is no such link; if the body is fixed to the world, has no mass, or has a
+                mass or inertia that exceeds float64; or if it has several links, and no body can have the
+                inertia of one of them.
         """
         if link not in self.inertials:
             raise ValueError(f"{self.name!r} has no link {link!r}; it has {', '.join(self.inertials)}")
@@ -130,6 +135,10 @@ class Description(NamedTuple):
         if link != WORLD and WORLD in [name for name, _ in links] and not self.inertials[WORLD].mass:
             reason = "is fixed to the world: give it as a STATIC body"
             raise ValueError(f"link {link!r} of {self.name!r} {reason}")
+        for name, _ in links if len(links) > 1 else ():  # of a single link, each request says so
+            if not _is_possible(self.inertials[name].inertia):
+                reason = "negative, or one principal moment is greater than the sum of the other two"
+                raise ValueError(f"the inertia of link {name!r} of {self.name!r} is impossible: {reason}")
         parts = [_transformed(pose, self.inertials[name]) for name, pose in links]
         mass = sum(part.mass for part in parts)
         if not mass > 0:
@@ -162,6 +171,16 @@ class Description(NamedTuple):
 def _transformed(pose: Pose, part: Inertial) -> Inertial:
     rotation = pose[:3, :3]
     return Inertial(part.mass, rotation @ part.com + pose[:3, 3], rotation @ part.inertia @ rotation.T)
+
+
+def _is_possible(inertia: Any) -> bool:
+    """Whether a body can have a tensor, up to the rounding of numbers in files."""
+    size = abs(inertia).max()
+    if not 0 < size < math.inf:
+        return True
+    scaled = inertia / size
+    second_moments = np.trace(scaled) / 2 * np.eye(3) - scaled
+    return bool(np.linalg.eigvalsh(second_moments).min() >= -FILE_ROUNDING)
 
 
 def _second_moment(d: Any) -> Any:
@@ -244,7 +263,8 @@ def _sdf(model: Element) -> tuple[dict[str, Inertial], tuple[Joint, ...]]:
             raise ValueError(f"model {model.get('name')!r}: a <{tag}> inside a model is not supported")
     if _is_true(model.findtext("static")):
         raise ValueError(f"model {model.get('name')!r} is static: give it as a STATIC body")
-    elements = _by_name(model, "joint") | _by_name(model, "frame") | _by_name(model, "link")
+    kinds = [_by_name(model, tag) for tag in ("joint", "frame", "link")]
+    elements = kinds[0] | kinds[1] | kinds[2]
     for name, element in elements.items():
         if name == WORLD or name.startswith("__"):
             raise ValueError(f"{element.tag} {name!r} has a name that SDF reserves")
@@ -262,7 +282,10 @@ def _sdf(model: Element) -> tuple[dict[str, Inertial], tuple[Joint, ...]]:
             relative[name] = _sdf_pose(pose, f"{element.tag} {name!r}")
             is_joint = element.tag == "joint"
             default = element.findtext("child", "").strip() if is_joint else element.get("attached_to")
-            name = (None if pose is None else pose.get("relative_to")) or default or MODEL_FRAME
+            base_name = None if pose is None else pose.get("relative_to")
+            if sum(base_name in kind for kind in kinds) > 1:
+                raise ValueError(f"the pose of {name!r} is relative to {base_name!r}, a name that two have")
+            name = base_name or default or MODEL_FRAME
         base = known[name]
         for name in reversed(relative):
             base = known[name] = base @ relative[name]
@@ -306,6 +329,8 @@ def _sdf_inertial(link: Element) -> Inertial:
 def _sdf_pose(pose: Element | None, where: str) -> Pose:
     if pose is None or not (pose.text or "").strip():
         return np.eye(4)
+    if pose.get("frame"):
+        raise ValueError(f"pose of {where}: the attribute frame is not supported: SDF 1.7 has relative_to")
     rotation_format = pose.get("rotation_format", "euler_rpy")
     if rotation_format not in ("euler_rpy", "quat_xyzw"):
         raise ValueError(

@@ -176,7 +176,7 @@ def law_for(law: Law, *, has_friction: bool) -> Law:
     """Return the law that AUTO stands for; any other law as it is.
 
     ``has_friction``: whether the contact has friction; in a scene, whether one of its contacts has; in a
-    table, whether it has a row of friction, even of zeros; for derivatives also if one by friction is asked for.
+    table, whether it has a row of friction, even of zeros; for derivatives, also if one is by friction.
     """
     if law is not Law.AUTO:
         return law

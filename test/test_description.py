@@ -248,6 +248,17 @@ def test_a_link_may_share_its_name_with_a_joint_or_a_frame():
             "pose of link 'a': rotation_format must be euler_rpy or quat_xyzw, is 'quat'",
         ),
         (
+            sdf("<link name='a'><inertial><pose frame='b'>1 0 0 0 0 0</pose></inertial></link>"),
+            "pose of link 'a': the attribute frame is not supported: SDF 1.7 has relative_to",
+        ),
+        (
+            sdf(
+                "<link name='a'/><frame name='a'/><link name='b'><pose relative_to='a'/></link>",
+                "<joint name='j' type='fixed'><parent>a</parent><child>b</child></joint>",
+            ),
+            "the pose of 'b' is relative to 'a', a name that two have",
+        ),
+        (
             urdf(link("a", 1.0), "<w:wheel xmlns:w='http://www.ros.org/wiki/xacro' name='b'/>"),
             "robot 'robot' has xacro elements: expand them with xacro first",
         ),
@@ -368,6 +379,26 @@ def test_masses_and_inertias_beyond_float64_are_refused_by_name(links):
             ValueError, match="link 'a' of 'robot' has a mass or an inertia that exceeds float64"
         ):
             description.mass_properties("a")
+
+
+@pytest.mark.parametrize(
+    "wrong", ["ixx='-1' iyy='-1' izz='-1'", "ixx='1' iyy='1' izz='30'", "ixx='1' ixy='5' iyy='1' izz='1'"]
+)
+def test_an_impossible_inertia_is_not_hidden_by_that_of_another_link(wrong):
+    bad = f"<link name='a'><inertial><mass value='1'/><inertia {wrong}/></inertial></link>"
+    description = Description.read(urdf(bad, link("b", 5.0), joint("b", "a")))
+    for name in "ab":
+        with pytest.raises(
+            ValueError, match=r"^the inertia of link 'a' of 'robot' is impossible: negative, or"
+        ):
+            description.mass_properties(name)
+
+
+def test_rounding_of_numbers_in_files_is_no_impossible_inertia():
+    plate = "<inertia ixx='0.333' iyy='0.333' izz='0.667'/>"
+    rounded = f"<link name='a'><inertial><mass value='1'/>{plate}</inertial></link>"
+    found = body_of(urdf(rounded, link("b", 5.0), joint("b", "a")), "a")
+    assert found.mass == 6.0
 
 
 @pytest.mark.parametrize("field", Symmetric3._fields)

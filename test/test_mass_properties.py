@@ -162,6 +162,13 @@ def test_what_is_not_finite_is_refused_by_name(wrong):
             mp.of_particles([(1.0, (0, 0, 0)), (mass, size)])
 
 
+def test_a_hole_may_not_be_all_that_is_there():
+    around = [(1, (x, y, 0)) for x in (-1, 1) for y in (-1, 1)]
+    assert mp.of_particles([*around, (Fraction(-1, 2), (0, 0, 0))]).inertia.zz == 8
+    with refused(StatusCode.INVALID_INERTIA, "particles", match="have a negative moment of inertia, -2"):
+        mp.of_particles([(-1, (0, 0, 0)), (2, (1, 0, 0))])
+
+
 def test_results_beyond_float64_are_refused_by_name():
     for particles, name in (
         ([(1e308, (0, 0, 0))] * 2, "mass"),
@@ -359,6 +366,17 @@ def test_a_mesh_that_encloses_no_volume_is_refused(how, distance):
         mesh.vertices = mesh.vertices * (1, 1, 0) if how == "flat" else mesh.vertices * (1, 1, np.nan)
     with pytest.raises(ValueError, match="does not enclose a volume"):
         mp.mesh(1.0, mesh)
+
+
+def test_a_part_that_is_inside_out_far_outside_is_refused():
+    trimesh = pytest.importorskip("trimesh")
+    cube, other = (hull(corners_of_a_box((1.0,) * 3), 1.0 - 0.5 * k, (3.0 * k, 0.0, 0.0)) for k in (0, 1))
+    both = mp.mesh(1.0, trimesh.util.concatenate([cube, other]))
+    assert both.com.x == pytest.approx(3.0 / 9.0, rel=1e-15)
+    other.invert()
+    other.apply_scale(1.5)
+    with refused(StatusCode.INVALID_INERTIA, "shape", match="does not enclose a volume"):
+        mp.mesh(1.0, trimesh.util.concatenate([cube, other]))
 
 
 @pytest.mark.parametrize("shape", [None, "part.stl", np.zeros((12, 3, 3))])

@@ -135,6 +135,13 @@ def test_transforms_at_one_time_are_refused():
         from_transforms(transform(1.0), transform(1.0), MATTER)
 
 
+@pytest.mark.parametrize("pause", [1.001, 60.0])
+def test_the_twist_after_a_pause_of_tf_is_unknown(pause):
+    """The mean twist over the pause would have a fresh stamp, and be anything."""
+    with pytest.raises(ValueError, match=f"no transform in the {pause:g} s before, so the twist is unknown"):
+        from_transforms(transform(100.0), transform(100.0 + pause, (1, 0, 0)), MATTER)
+
+
 @pytest.fixture
 def start(graph):
     """Start the node under test; what it publishes is in ``heard``."""
@@ -284,6 +291,18 @@ def test_a_tf_frame_is_a_link_with_all_that_is_fixed_to_it(graph, start, tf2_ros
         assert components(state.twist.angular) == pytest.approx((0, 0, 4), abs=1e-9)  # over a millisecond
         seconds = state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec
         assert state.pose.position.x == pytest.approx(2 * (seconds - 1))
+
+
+def test_a_static_tf_frame_is_warned_about(graph, start, tf2_ros, tmp_path):
+    file = tmp_path / "robot.urdf"
+    file.write_text(ROBOT.replace("base_footprint", "tool"))
+    logged = graph.log()
+    start(description_file=str(file), frames=["tool"], world_frame="map", rate=1000.0)
+    (buffer,) = tf2_ros.buffers
+    buffer.set_transform(transform(0.0, (1, 0, 0)), "test")
+    told = "the TF frame tool is static and is not published: give it as a STATIC body"
+    wait_until(lambda: told in logged)
+    assert not start.heard
 
 
 @pytest.mark.parametrize(

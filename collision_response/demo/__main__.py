@@ -82,6 +82,8 @@ def recording_parameters() -> dict[str, Any]:
     """Parameters of the node for a new recording, which replaces the previous one."""
     if not CAN_RECORD:
         return {}
+    if not RECORDING.parent.exists():
+        RECORDING.parent.mkdir()
     RECORDING.unlink(missing_ok=True)
     return {
         "recording.enabled": "true",

@@ -96,6 +96,8 @@ def _failed(file: object, error: Exception) -> int:
     if isinstance(error, ImportError):  # it says what to install
         print(error, file=sys.stderr)
         return os.EX_UNAVAILABLE
+    if isinstance(error, ImpactError):
+        error = error.renamed({"kind": "--residuals"})
     code = f" ({error.code.name})" if isinstance(error, ImpactError) else ""
     reason = getattr(error, "strerror", None) or " ".join(str(error).split())  # strerror names no file
     where = "" if str(file) in reason else f"{file}: "

@@ -6,8 +6,8 @@ For particles of mass ``m`` at ``(x, y, z)`` from their centre of mass,
 
 Solids are homogeneous, with their centre of mass at the origin; masses are in kg, lengths in m. Fractions
 stay exact, other numbers are floats. All functions raise ``TypeError`` if something is not a number, and
-``ImpactError``, with the name of the argument, if a number is negative or not finite, or a result is beyond
-float64.
+``ImpactError``, with the name of the argument, if a mass or a size of a solid is negative, a number is not
+finite, or a result is beyond float64.
 """
 
 from __future__ import annotations
@@ -47,11 +47,12 @@ def of_particles(particles: Iterable[tuple[Scalar, Iterable[Scalar]]]) -> MassPr
     """Mass properties of a set of particles: exact if their masses and positions are fractions.
 
     Args:
-        particles: a :class:`Particle`, or a tuple of a mass [kg] and a position [m], for each.
+        particles: a :class:`Particle`, or a tuple of a mass [kg] and a position [m], for each. A negative
+            mass is one that is missing in another, such as a hole.
 
     Raises:
         ImpactError: INVALID_MASS, if the sum of the masses is not positive, or there is no particle;
-            NOT_FINITE.
+            INVALID_INERTIA, if negative masses leave a negative moment of inertia; NOT_FINITE.
         TypeError: if ``particles`` does not hold a mass and a position each, made of real numbers.
     """
     given: dict[str, Any] = {}
@@ -70,6 +71,10 @@ def of_particles(particles: Iterable[tuple[Scalar, Iterable[Scalar]]]) -> MassPr
         inertia += Symmetric3(
             _moment(m, y, z), -m * x * y, -m * x * z, _moment(m, x, z), -m * y * z, _moment(m, x, y)
         )
+    least = min(inertia.xx, inertia.yy, inertia.zz)
+    if least < 0:
+        reason = f"have a negative moment of inertia, {format_value(least, str)}"
+        raise ImpactError(StatusCode.INVALID_INERTIA, "particles", reason)
     return _within_float64(mass, com, inertia)
 
 
@@ -144,13 +149,15 @@ def mesh(mass: Scalar, shape: Any) -> MassProperties:
     Positions are taken from the middle, so a mesh far from the origin loses no digits except those that its
     corners have already lost.
 
+    A part that is inside out counts as a cavity, and where parts overlap they count twice.
+
     Args:
         mass: [kg].
         shape: a mesh of `trimesh <https://trimesh.org>`_, in metres, or any object with its attributes
             ``is_watertight``, ``is_winding_consistent`` and ``triangles``, an array of shape ``(n, 3, 3)``.
 
     Raises:
-        ImpactError: INVALID_INERTIA, if the mesh is not closed, or is inside out.
+        ImpactError: INVALID_INERTIA, if the mesh is not closed, is inside out, or has cavities far outside.
         TypeError: if ``shape`` is not a mesh.
     """
     (mass,) = _checked(mass=mass)
@@ -183,6 +190,8 @@ def mesh(mass: Scalar, shape: Any) -> MassProperties:
         return float(whole - com[i] * com[j])
 
     xx, yy, zz = (second_moment(i, i) for i in range(3))
+    if min(xx, yy, zz) < 0:
+        raise _no_volume()
     inertia = Symmetric3(
         yy + zz, -second_moment(0, 1), -second_moment(0, 2), xx + zz, -second_moment(1, 2), xx + yy
     )

@@ -44,6 +44,9 @@ DESCRIPTION_QOS = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCA
 ODOMETRY_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Compatible with reliable and best-effort publishers."""
 
+LONGEST_INTERVAL = 1.0
+"""Longest time [s] between two transforms whose mean twist says something. Longer ones are pauses of TF."""
+
 
 def body_state(header: Any, name: str, mass_properties: MassProperties) -> BodyState:
     """Make the state of a body at rest at the origin; pose and twist can be filled in."""
@@ -78,11 +81,14 @@ def from_transforms(
     the twist is that of the shorter rotation.
 
     Raises:
-        ValueError: if a quaternion is 0 or not finite, or the second stamp is not after the first.
+        ValueError: if a quaternion is 0 or not finite, or if the second stamp is not after the first, or more
+            than ``LONGEST_INTERVAL`` after it.
     """
     t = (nanoseconds(later.header.stamp) - nanoseconds(earlier.header.stamp)) * 1e-9
     if not t > 0:
         raise ValueError(f"the second transform must be later than the first; it is {t} s later")
+    if t > LONGEST_INTERVAL:
+        raise ValueError(f"there is no transform in the {t:g} s before, so the twist is unknown")
     before, after = earlier.transform, later.transform
     position = vector_of(after.translation)
     displacement = position - vector_of(before.translation)
@@ -175,6 +181,9 @@ class BodyStatePublisher(DeclaringNode):
                     self._warn(f"transforms of {frame}", partial(str, error))
                     continue
                 before, latest[frame] = latest.get(frame, transform), transform
+                if before is transform and not nanoseconds(transform.header.stamp):
+                    reason = "is static and is not published: give it as a STATIC body"
+                    self._warn(f"transforms of {frame}", partial("the TF frame {} {}".format, frame, reason))
                 if nanoseconds(before.header.stamp) < nanoseconds(transform.header.stamp):
                     self._publish(frame, False, partial(from_transforms, before, transform))
 
