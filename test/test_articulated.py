@@ -807,3 +807,11 @@ def test_integers_too_long_to_print_are_refused_by_name():
 def test_a_zero_matrix_is_refused_by_name():
     with refused(StatusCode.NO_DYNAMIC_BODY, match=r"^K: must not be 0$"):
         resolve_contact(**{**SOUND, "K": [[0] * 3] * 3})
+
+
+@pytest.mark.parametrize("power", [20, 30, 36, 40, 44, 50])
+def test_a_velocity_that_no_impulse_stops_is_refused_however_little_the_contact_moves_across(power):
+    """Little mobility turns the locked directions by rounding, but not as far as ``u`` is off."""
+    K = [[4, 0, -2], [0, 2.0**-power, 0], [-2, 0, 1]]
+    with pytest.raises(ImpactError, match="friction: must be 0 if the contact slips in a direction"):
+        resolve_contact(K, (0.25048828125, 0, -0.1240234375), (0, 0, 1), 1.0, 1.0)

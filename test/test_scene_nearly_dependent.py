@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 
@@ -520,3 +521,42 @@ def test_unequal_restitutions_of_flat_boxes_are_decided_in_double_double(size, l
     answer = resolve_scene([*bodies, floor], pairs, contacts, ImpactModel(Law.FRICTIONLESS))
     assert answer.status is StatusCode.OK
     assert answer.error_bound < 1e-7
+
+
+TILTS = [(-3.2, -3.1), (1.1, -0.5), (-9.7, -6.7)]
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-14, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8, 1e-6])
+def test_friction_that_creeps_between_tilted_corners_decides_nothing(tilt):
+    """A cube lands on three corners, and one parts. Friction of the others shifts for a slip of 1e-11."""
+    cube = Body.box(
+        1.0, (1, 1, 1), position=(0, 0, 0.5), velocity=(1.84, 1.8, -1.0), angular_velocity=(1.66, 0.84, 1.14)
+    )
+    contacts = [
+        Contact.of((x, y, 0), (p * tilt, q * tilt, 1), 0.5, 1.0)
+        for (x, y), (p, q) in zip([(-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5)], TILTS, strict=True)
+    ]
+    for order in itertools.permutations(contacts):
+        answer = resolve_scene([cube, Body.static()], [(0, 1)] * 3, order)
+        assert answer.kinetic_energy_after == pytest.approx(1.86241239, abs=1e-5)
+        assert answer.error_bound < 1e-5
+
+
+@pytest.mark.parametrize("tilt", [1e-13, 1e-12, 1e-11])
+@pytest.mark.parametrize("seed", range(40))
+def test_three_corners_that_are_tilted_by_rounding_are_flat(tilt, seed):
+    rng = random.Random(seed)
+    size = [rng.uniform(0.3, 2) for _ in range(3)]
+    velocity = (rng.gauss(0, 1.5), rng.gauss(0, 1.5), -2 * rng.random())
+    spin = tuple(rng.gauss(0, 1.5) for _ in range(3))
+    body = Body.box(1.0, size, position=(0, 0, size[2] / 2), velocity=velocity, angular_velocity=spin)
+    places = [(x * size[0], y * size[1], 0) for x, y in CORNERS[:3]]
+    tilts = [(rng.gauss(0, tilt), rng.gauss(0, tilt)) for _ in places]
+
+    def landed(by: float) -> Scene:
+        normals = [(by * x, by * y, 1) for x, y in tilts]
+        contacts = [Contact.of(at, normal, 0.5, 1.0) for at, normal in zip(places, normals, strict=True)]
+        return Scene([body, Body.static()], [(0, 1)] * 3, contacts)
+
+    flat, tilted = landed(0.0).resolve(), landed(1.0).resolve()
+    assert distance(landed(0.0), flat, tilted) <= flat.error_bound + tilted.error_bound + 100 * tilt

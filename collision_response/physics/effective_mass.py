@@ -50,6 +50,7 @@ from ..numbers.operations import (
     error_of,
     given_roundoff,
     maximum,
+    minimum,
     negation,
     or_one,
     square_root,
@@ -63,6 +64,9 @@ from .vector import Vec3
 
 PERPENDICULAR = 2.0**-60
 """Squared cosine of the angle between two directions, up to which they count as perpendicular."""
+
+MOST_TURN = 2.0**-20
+"""The angle by which locked directions may be off, at most: the energy of an answer may be off by as much."""
 
 CANCELLATION = 2.0**-48
 """A difference of at most this part of its terms is rounding."""
@@ -342,6 +346,7 @@ class ContactKinematics(NamedTuple):
         locked_u = Vec3(*_scaled(*self.locked_u, *u, *(u - (a - b)), *a, *b)[:3])
         K = self._possibly_singular_K()
         turn = CANCELLATION * K.trace() / or_one(K.least_nonzero_eigenvalue(self._rounding_of_K()))
+        turn = minimum(turn, MOST_TURN)
         return locked_u.dot(locked_u) <= PERPENDICULAR + certain(turn * turn)
 
     def _locked_directions(self, K: Symmetric3) -> Symmetric3:

@@ -198,7 +198,7 @@ struct LeastWork {
     constexpr double COARSEST = 1e-5;  // error bound: far above most, so that rounding hardly decides
     Vector rebounds(assembly.count);
     for (int i : loaded) rebounds[i] = before.velocity(i, 0);
-    const ClusterImpulses impulses = obey_coulomb(assembly, rebounds, BUDGET);
+    const ClusterImpulses impulses = obey_coulomb(assembly, rebounds, BUDGET, all_are_parallel());
     if (!impulses.are_found) return {};
     Solution found{{}, Motion(assembly), impulses.error, 0};
     for (int i = 0; i < assembly.count; ++i) {
@@ -213,6 +213,24 @@ struct LeastWork {
     const bool is_exact = found.error <= error_for_bound(assembly, found.after.y, COARSEST);
     if (!(do_part || presses) || !is_exact || creates_energy(found.after, found.P)) return {};
     return presses ? found : as_least_work(found);
+  }
+
+  // Whether each contact that is loaded has the normal of another one of the same bodies, up to 4e-7. Friction then may
+  // shift between these, with hardly any effect.
+  bool all_are_parallel() const {
+    constexpr double PARALLEL = 1e-13;
+    const std::vector<AssembledContact>& contacts = assembly.contacts;
+    return std::all_of(loaded.begin(), loaded.end(), [&](int i) {
+      return std::any_of(loaded.begin(), loaded.end(), [&](int j) {
+        const AssembledContact &one = contacts[i], &other = contacts[j];
+        auto same = [&](int a, int b) { return one.body[a] == other.body[b] && one.wall[a] == other.wall[b]; };
+        const bool turned = same(0, 1) && same(1, 0);
+        if (i == j || !(turned || (same(0, 0) && same(1, 1)))) return false;
+        double product = 0;
+        for (int k = 0; k < 3; ++k) product += one.normal[k] / one.length * (other.normal[k] / other.length);
+        return (turned ? -product : product) > 1 - PARALLEL;
+      });
+    });
   }
 
   // The impulses of least work of the contacts that are loaded in a solution, if they are the same but for its error: theirs

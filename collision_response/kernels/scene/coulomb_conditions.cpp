@@ -300,13 +300,14 @@ class Conditions {
 };
 
 // An estimate of the error of y: how far it is from the y of other velocities, and of other shares of the load.
-double motion_error(const Conditions& solved) {
-  constexpr double GREATEST_OFF = 0x1p-44, ROUNDING = 0x1p-50;  // relative to velocities and impulses
+double motion_error(const Conditions& solved, bool may_creep) {
+  constexpr double EXACT = 0x1p-44, CREEPING = 0x1p-32, ROUNDING = 0x1p-50;  // relative to velocities and impulses
+  constexpr double LEAST_OF_CREEPING = 1e-6;
   constexpr double FARTHER = 10;  // change of velocities, relative to off()
   constexpr double CAUTION = 4;  // the directions tried may not be those in which the error is greatest
   constexpr int TRIES = 3;
   const double greatest = solved.greatest(), unit = std::fmax(1, greatest), off = solved.off();
-  if (off > GREATEST_OFF * unit) return INFINITY;  // P that creep have unknown limits
+  if (off > (may_creep ? CREEPING : EXACT) * unit) return INFINITY;  // P that creep have unknown limits
   const double farther = FARTHER * std::fmax(off, ROUNDING * unit);
   auto nearby = [&](double size, double part, double phase) -> std::optional<Conditions> {
     Conditions other = solved;
@@ -341,12 +342,13 @@ double motion_error(const Conditions& solved) {
     if (by_shares > std::fmax(SEVERAL * greatest, most)) return INFINITY;
     most = std::fmax(most, by_shares);
   }
+  if (off > EXACT * unit) most = std::fmax(most, LEAST_OF_CREEPING);
   return is_known ? CAUTION * most : INFINITY;
 }
 
 }  // namespace
 
-ClusterImpulses obey_coulomb(const Assembly& assembly, const Vector& rebounds, double budget) {
+ClusterImpulses obey_coulomb(const Assembly& assembly, const Vector& rebounds, double budget, bool may_creep) {
   constexpr double SOLVED = 1e-6;  // greatest off(), and a hundred times this, of the greatest impulse
   std::vector<Axes> P(assembly.count);
   double speed = 0;
@@ -362,7 +364,7 @@ ClusterImpulses obey_coulomb(const Assembly& assembly, const Vector& rebounds, d
   Conditions conditions(assembly, rebounds, speed, budget);
   if (!conditions.solve()) return {false};
   if (!(conditions.off() <= SOLVED * std::fmin(1, 100 * conditions.greatest()))) return {false};
-  const double error = speed * (assembly.is_locked ? INFINITY : motion_error(conditions));
+  const double error = speed * (assembly.is_locked ? INFINITY : motion_error(conditions, may_creep));
   for (int i = 0; i < assembly.count; ++i) P[i] = in_newton_seconds(conditions.P[i], assembly.contacts[i], speed);
   return with_axis_impulses({true, {}, error}, assembly, P);
 }

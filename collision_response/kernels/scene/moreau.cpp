@@ -21,7 +21,7 @@ ClusterImpulses moreau(const Assembly& assembly, bool has_friction) {
     Vector rebounds;
     for (const AssembledContact& contact : assembly.contacts)
       rebounds.push_back(-contact.e * std::fmin(contact.axes[0].velocity, 0));
-    return obey_coulomb(assembly, rebounds, BUDGET);
+    return obey_coulomb(assembly, rebounds, BUDGET, false);
   }
   auto separates = [](const AssembledContact& contact) { return high(contact.velocity) >= 0; };
   if (std::all_of(assembly.contacts.begin(), assembly.contacts.end(), separates))
