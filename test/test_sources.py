@@ -9,6 +9,7 @@ import sys
 import types
 from functools import partial
 from itertools import count
+from operator import attrgetter
 from pathlib import Path
 
 import pytest
@@ -103,6 +104,17 @@ def test_mass_and_inertia_are_filled_in():
 def test_an_odometry_without_orientation_is_refused(turn):
     with pytest.raises(ValueError, match="the quaternion must be finite and not 0"):
         from_odometry(odometry(turn=turn), MATTER)
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
+def test_what_is_not_finite_is_refused(wrong):
+    for place in ("pose.pose.position", "twist.twist.linear", "twist.twist.angular"):
+        broken = odometry()
+        attrgetter(place)(broken).y = wrong
+        with pytest.raises(ValueError, match="position and twist must be finite"):
+            from_odometry(broken, MATTER)
+    with pytest.raises(ValueError, match="position and twist must be finite"):
+        from_transforms(transform(1.0), transform(1.5, (0, wrong, 0)), MATTER)
 
 
 @pytest.mark.parametrize("signs", [(1, 1), (1, -1), (-1, 1)])

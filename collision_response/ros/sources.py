@@ -23,6 +23,7 @@ from ..physics.body import Body, Twist
 from ..physics.mass_properties import MassProperties
 from ..physics.orientation import Quaternion
 from ..physics.vector import ZERO, Vec3
+from ..status import format_value
 from .convert import nanoseconds, state_message, twist_message, vector_of, write_vector
 from .parameters import DeclaringNode, declare, fixed, warn_of_unknown
 from .process import StartError, run
@@ -60,7 +61,7 @@ def from_odometry(odometry: Odometry, mass_properties: MassProperties, name: str
     ``header.frame_id``.
 
     Raises:
-        ValueError: if the quaternion is 0 or not finite.
+        ValueError: if the quaternion is 0, or a number is not finite.
     """
     orientation, twist = odometry.pose.pose.orientation, odometry.twist.twist
     rotation = _nonzero(orientation).rotation()
@@ -68,6 +69,7 @@ def from_odometry(odometry: Odometry, mass_properties: MassProperties, name: str
     state = body_state(odometry.header, name or odometry.child_frame_id, mass_properties)
     state.pose = odometry.pose.pose
     state.twist = twist_message(Twist(linear, angular))
+    _check_finite(vector_of(state.pose.position), linear, angular)
     return state
 
 
@@ -81,8 +83,8 @@ def from_transforms(
     the twist is that of the shorter rotation.
 
     Raises:
-        ValueError: if a quaternion is 0 or not finite, or if the second stamp is not after the first, or more
-            than ``LONGEST_INTERVAL`` after it.
+        ValueError: if a quaternion is 0, a number not finite, or if the second stamp is not after the first,
+            or more than ``LONGEST_INTERVAL`` after it.
     """
     t = (nanoseconds(later.header.stamp) - nanoseconds(earlier.header.stamp)) * 1e-9
     if not t > 0:
@@ -97,7 +99,14 @@ def from_transforms(
     state.pose.orientation = after.rotation
     angular_velocity = _rotation_vector(_nonzero(before.rotation), _nonzero(after.rotation)) / t
     state.twist = twist_message(Twist(displacement / t, angular_velocity))
+    _check_finite(position, displacement / t)
     return state
+
+
+def _check_finite(*vectors: Vec3) -> None:
+    for vector in vectors:
+        if not all(map(math.isfinite, vector)):
+            raise ValueError(f"position and twist must be finite, one has {format_value(tuple(vector))}")
 
 
 def _rotation_vector(before: Quaternion, after: Quaternion) -> Vec3:
