@@ -301,8 +301,9 @@ class Conditions {
 
 // An estimate of the error of y: how far it is from the y of other velocities, and of other shares of the load.
 double motion_error(const Conditions& solved, bool may_creep) {
-  constexpr double EXACT = 0x1p-44, CREEPING = 0x1p-32, ROUNDING = 0x1p-50;  // relative to velocities and impulses
-  constexpr double LEAST_OF_CREEPING = 1e-6;
+  // Relative to velocities and impulses. Normals that are off by 1e-9 make P creep for slips of CREEPING.
+  constexpr double EXACT = 0x1p-44, CREEPING = 0x1p-32, ROUNDING = 0x1p-50;
+  constexpr double LEAST_OF_CREEPING = 1e-6;  // P is not followed to where it ends: far above the errors seen
   constexpr double FARTHER = 10;  // change of velocities, relative to off()
   constexpr double CAUTION = 4;  // the directions tried may not be those in which the error is greatest
   constexpr int TRIES = 3;

@@ -407,8 +407,7 @@ class PathFollower:
             return None
         if y.p_c == 0:
             y = _begin_restitution(self._advance(y, -y.u / rate, rate))
-        heating = self._h_size * math.hypot(y.v1, y.v2)
-        return self._advance(y, self._distance(y, 1.0, heating, rate), rate), regime
+        return self._advance(y, self._distance(y, 1.0, self._heating(y), rate), rate), regime
 
     def _advance(self, y: Point, p: float, rate: float) -> Point:
         """The point after the normal impulse ``p`` while slip stays as it is."""
@@ -419,8 +418,12 @@ class PathFollower:
             W=y.W + (y.u + rate * p / 2) * p,
             P1=y.P1 - h1 * p,
             P2=y.P2 - h2 * p,
-            heat=y.heat + self._h_size * math.hypot(y.v1, y.v2) * p,
+            heat=y.heat + self._heating(y) * p,
         )
+
+    def _heating(self, y: Point) -> float:
+        """The work done against friction, by normal impulse, while slip stays as it is."""
+        return self._h_size * math.hypot(y.v1, y.v2)
 
 
 def _not_returned(y: Point) -> float:
