@@ -107,7 +107,7 @@ class Build(build):
         data: dict[str, list[str]] = {}
         for part in ("include", "lib", "share"):
             for path in sorted((stage / part).rglob("*")):
-                if path.is_file():
+                if path.is_file() and path.suffix not in (".c", ".cpp"):  # sources of the messages
                     data.setdefault(str(path.parent.relative_to(stage)), []).append(str(path))
         self.distribution.data_files = list(data.items())
 
@@ -125,6 +125,8 @@ class BinaryDistribution(Distribution):
 
 
 with tempfile.TemporaryDirectory() as work:  # outside the checkout, which may hold colcon's build/
+    if any(map(str.isspace, work)):
+        raise SystemExit(f"ROS cannot build messages in a folder with a space, such as {work}: set TMPDIR")
     setup(
         version=version(),
         distclass=BinaryDistribution,

@@ -94,7 +94,7 @@ def write(results: dict[str, Any]) -> None:
 
     model = f"{results['machine']['processor']} {results['machine']['cores']} cores"
     slug = re.sub(r"[^a-z0-9.]+", "-", re.sub(r"\(\w+\)|@", " ", model.lower())).strip("-")
-    pages.store(results, pages.ROOT / "benchmarks" / "results" / f"{results['date']}-{slug}.json")
+    pages.store(results, pages.RESULTS / f"{results['date']}-{slug}.json")
     pages.rewrite(pages.DOCS / "trade-off.md", report.parts(results))
     trade_plot.draw(results["trade"]["plot"])
     say("==> wrote docs/trade-off.md")

@@ -13,13 +13,11 @@ from typing import Any
 
 import numpy as np
 from cases import flat_boxes, tables, with_immovable
-from timing import Samples, interleaved, ratio, spread
+from timing import Call, Samples, interleaved, ratio, spread
 
 from collision_response import Geometry, ImpactModel, Law, Precision, resolve, resolve_scene
 from collision_response.batch import body_rows, contact_rows, resolve_batch, resolve_scenes
 from collision_response.batch.one_by_one import body_of, contact_of
-
-Call = Callable[[], Any]
 
 SIZES = (1_000, 1_000_000)
 LAWS = (Law.FRICTIONLESS, Law.COULOMB)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from machine import described
-from pages import power, significant, table, times
+from pages import RESULTS, power, significant, table, times
 
 Results = dict[str, Any]
 
@@ -26,21 +27,60 @@ def machine(results: Results) -> str:
 
 
 def targets(results: Results) -> str:
-    """Table of the targets and their measured values."""
+    """Table of the targets and their measured values, also on machines with other processors."""
+    others = {
+        f"{other['machine']['processor']}, {other['date']}": {one["what"]: one for one in targets_of(other)}
+        for other in latest_of_others(results)
+    }
     rows = []
+    for target in targets_of(results):
+        what, most, least = target["what"], target.get("most"), target.get("least")
+        limit = f"≤ {most:g}" if least is None else f"≥ {least:g}"
+        elsewhere = [_measured(found[what]) if what in found else "" for found in others.values()]
+        rows.append([what, limit, _measured(target, with_range=True), _verdict(target), *elsewhere])
+    return table(["what", "target", "measured (min … max)", "verdict", *others], rows)
+
+
+def targets_of(results: Results) -> Iterator[dict[str, Any]]:
+    """The targets of all parts that were measured."""
     for part in ("one", "batch", "package", "service", "scenes"):
-        for target in (results.get(part) or {}).get("targets", []):
-            value, most, least = target["measured"], target.get("most"), target.get("least")
-            middle = value["median"] if isinstance(value, dict) else value
-            if middle is None:
-                verdict, shown = "not measured", ""
-            else:
-                met = middle <= most if least is None else middle >= least
-                shown = times(value, digits=3) if isinstance(value, dict) else f"**{significant(value, 3)}**"
-                verdict = "met" if met else "**missed**"
-            limit = f"≤ {most:g}" if least is None else f"≥ {least:g}"
-            rows.append([target["what"], limit, shown, verdict])
-    return table(["what", "target", "measured (min … max)", "verdict"], rows)
+        yield from (results.get(part) or {}).get("targets", [])
+
+
+def latest_of_others(results: Results) -> list[Results]:
+    """The stored results with other processors, the latest of each."""
+    found: dict[str, Results] = {}
+    for path in sorted(RESULTS.glob("20*.json")):
+        other = json.loads(path.read_text(encoding="utf-8"))
+        found[other["machine"]["processor"]] = other
+    found.pop(results["machine"]["processor"], None)
+    return list(found.values())
+
+
+def _measured(target: dict[str, Any], *, with_range: bool = False) -> str:
+    value = target["measured"]
+    if value is None:
+        return ""
+    if with_range and isinstance(value, dict):
+        return times(value, digits=3)
+    middle = significant(_middle(target), 3)
+    return f"**{middle}**" if with_range else f"{middle}{'' if _is_met(target) else ', **missed**'}"
+
+
+def _verdict(target: dict[str, Any]) -> str:
+    if target["measured"] is None:
+        return "not measured"
+    return "met" if _is_met(target) else "**missed**"
+
+
+def _is_met(target: dict[str, Any]) -> bool:
+    middle = _middle(target)
+    return middle <= target["most"] if target.get("least") is None else middle >= target["least"]
+
+
+def _middle(target: dict[str, Any]) -> float:
+    value = target["measured"]
+    return value["median"] if isinstance(value, dict) else value
 
 
 def one_impact(results: Results) -> str:

@@ -45,8 +45,8 @@ PATIENCE = 1.0
 
 SIZES = (1, 4, 10, 32, 100, 316, 1000, 3160, 10000)
 ROUNDS = 5
-LIMITS = {"pinocchio": 320, "Siconos": 1000, "`ROUTH_STRONGE`": 320}
-"""Largest numbers of contacts, where dense matrices or paths would take too much."""
+LIMITS = {"pinocchio": 320, "Siconos": 1000}
+"""Largest numbers of contacts, where dense matrices would take too much."""
 
 
 class Scene(NamedTuple):

@@ -60,7 +60,6 @@ PIECE = 50
 """Random impacts of one job."""
 
 CORES = 2
-ULP = 2.0**-52
 Key = tuple[Any, ...]
 
 
@@ -117,14 +116,18 @@ def right_answer(scene: Scene, impact: Impact, model: ImpactModel) -> Answer:
 
 
 def random_piece(law: Law, wildness: str, seed: int) -> Tally:
-    """Count some random impacts of one law, in every precision. Invalid requests are drawn again."""
+    """Count some random impacts of one law, in every precision.
+
+    Invalid requests, and bodies that separate, are drawn again.
+    """
     tally, impacts = Tally.empty(), RandomImpacts(f"{law.name} {wildness} {seed}", WILDNESS[wildness])
     draw, done = impacts.draw, 0
     while done < PIECE:
         scene = Scene(*impacts.collision())
         e_t = draw.choice([0.0, draw.uniform(-1, 1)]) if law is Law.COULOMB else 0.0
         try:
-            resolve(*scene, ImpactModel(law))
+            if resolve(*scene, ImpactModel(law)).status is StatusCode.SEPARATING:
+                continue
         except ImpactError as refusal:
             if refusal.code not in (StatusCode.OUT_OF_RANGE, StatusCode.PATH_TOO_LONG):
                 continue

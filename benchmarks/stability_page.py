@@ -8,7 +8,7 @@ from typing import Any
 
 from figures import GREY, INK, plt, save
 from matplotlib.axes import Axes
-from pages import DOCS, ROOT, power, rewrite, significant, store, table
+from pages import DOCS, RESULTS, power, rewrite, significant, store, table
 
 LOW, HIGH = 1e-18, 30.0
 """Where the plots show an error of 0 and an infinite bound."""
@@ -24,7 +24,7 @@ OTHER = (*ANSWERS, "asked", "bounded")
 def write(results: dict[str, Any]) -> None:
     """Write the results, the tables and the pictures."""
     kept = {key: value for key, value in results.items() if key != "conditions"}
-    store(kept, ROOT / "benchmarks" / "results" / f"stability-{results['date']}.json")
+    store(kept, RESULTS / f"stability-{results['date']}.json")
     rewrite(DOCS / "stability.md", {name: part(results) for name, part in PARTS.items()})
     with plt.rc_context({"font.size": 8, "axes.edgecolor": GREY}):
         draw_conditions(results["conditions"])
@@ -33,10 +33,12 @@ def write(results: dict[str, Any]) -> None:
 
 
 def _summary(results: dict[str, Any]) -> str:
-    asked = sum(row["statuses"]["asked"] for row in results["rows"])
+    statuses = [row["statuses"] for row in results["rows"]]
+    asked, bounded = (sum(one.get(name, 0) for one in statuses) for name in ("asked", "bounded"))
+    above, took = len(results["violations"]), f"{results['seconds'] / 60:.0f} minutes"
     return (
-        f"Measured on {results['date']} in {results['seconds'] / 60:.0f} minutes: {asked:,} answers, "
-        f"{len(results['violations'])} above their bound."
+        f"Measured on {results['date']} in {took}: {asked:,} requests, {bounded:,} answers with a "
+        f"finite bound, {above} of them off by more than that."
     )
 
 
@@ -73,13 +75,15 @@ def _worst(ratio: float) -> str:
 
 
 def _attacks(results: dict[str, Any]) -> str:
+    import attacks
+
     rows = []
     for row in results["rows"]:
         if row["key"][0] == "attack":
             statuses = row["statuses"]
             refused = [f"{count} `{name}`" for name, count in sorted(statuses.items()) if name not in OTHER]
             rows.append([
-                row["key"][1],
+                _described(row["key"][1], attacks.FAMILIES[row["key"][1]]),
                 str(statuses["asked"]),
                 *(str(statuses.get(name, "")) for name in ANSWERS),
                 ", ".join(refused),
@@ -95,6 +99,12 @@ def _attacks(results: dict[str, Any]) -> str:
         "violations",
     ]
     return table(head, rows)
+
+
+def _described(family: str, cases: Callable[[], Any]) -> str:
+    """The name of a family of attacks, and the first sentence about it."""
+    sentence = " ".join((cases.__doc__ or "").split()).partition(". ")[0].rstrip(".")
+    return f"**{family}**. {sentence}"
 
 
 def _drift(results: dict[str, Any]) -> str:

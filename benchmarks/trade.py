@@ -136,7 +136,7 @@ def between_laws(truths: dict[Law, Any]) -> dict[str, float]:
 PLOTTED: dict[str, Callable[[], Scene]] = {
     "a usual pair": lambda: ALIGNED,
     "grazing at 1e-10 of the speed": lambda: grazing(ALIGNED, 1e-10),
-    "a thin rod in other axes": thin_rod,
+    "a thin rod in turned axes": thin_rod,
 }
 
 

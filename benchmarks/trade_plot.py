@@ -121,12 +121,12 @@ def legend() -> list[Artist]:
         return Line2D([], [], **style_of(way), label=text)
 
     return [
-        dot("resolve()", "DOUBLE"),
+        dot("resolve(), DOUBLE", "DOUBLE"),
         dot("resolve(), EXTENDED", "EXTENDED"),
         dot("batch, with bound", "batch, with bound"),
         dot("batch, EXTENDED", "batch, EXTENDED"),
         dot("batch, no bound", "batch"),
         Line2D([], [], ls="-", color=ONE, lw=1.6, alpha=0.7, marker="_", markersize=9, label="error bound"),
-        Line2D([], [], ls="", marker="X", markersize=8, color=PEER, label="peers, without a bound"),
+        Line2D([], [], ls="", marker="X", markersize=8, color=PEER, label="peers and plain C, no bound"),
         Line2D([], [], ls="", marker="D", markersize=7, color=EXACT, label="formulas on exact numbers"),
     ]

@@ -173,8 +173,9 @@ def impact(
     result = evaluate_law(kinematics, Coefficients(contact.restitution, friction, settings), law)
     approaching, below_threshold, e, outcome, impulse = result
 
+    moving = kinematics.moving_part(impulse)
     if outcome.normal_factor is None:
-        change_a, change_b = kinematics.twist_changes(impulse)
+        change_a, change_b = kinematics.twist_changes(moving)
     else:
         j = result.if_approaching(outcome.normal_factor)
         change_a, change_b = kinematics.twist_changes_along_normal(impulse, j)
@@ -193,8 +194,8 @@ def impact(
         kinetic_energy_before=kinetic_energy(body_a) + kinetic_energy(body_b),
         kinetic_energy_after=kinetic_energy(after_a)
         + kinetic_energy(after_b)
-        + kinematics.body_a.energy_gained(body_a.velocity, impulse, change_a)
-        + kinematics.body_b.energy_gained(body_b.velocity, -impulse, change_b),
+        + kinematics.body_a.energy_gained(body_a.velocity, moving, change_a)
+        + kinematics.body_b.energy_gained(body_b.velocity, -moving, change_b),
         energy_lost_restitution=result.if_approaching(outcome.energy_lost_restitution),
         energy_lost_friction=result.if_approaching(outcome.energy_lost_friction),
         restitution=e,

@@ -218,7 +218,7 @@ def _first_precision(precision: Precision, tolerance: float) -> Precision:
 def _target_bound(precision: Precision, limit: float) -> float:
     if precision is Precision.EXTENDED:
         return min(limit, ULP)
-    return min(limit, USEFUL_BOUND) if precision is Precision.AUTO else limit
+    return USEFUL_BOUND if precision is Precision.AUTO and limit == LARGEST_BOUND else limit
 
 
 def _conversion_error(x: float, given: Any) -> float:
@@ -230,7 +230,7 @@ LEAST_DOUBLE_BOUND = 2.0**-48
 """DOUBLE rarely reaches an error bound below this, so AUTO does not try it for a smaller tolerance."""
 
 USEFUL_BOUND = 2.0**-20
-"""An error bound above this says little, so AUTO tries a better precision."""
+"""An error bound above this says little, so AUTO tries a better precision if no tolerance is given."""
 
 FINEST_TOLERANCE = 1e-11
 """Smaller tolerances do not make the steps of a path finer."""

@@ -101,10 +101,10 @@ def _articulated_rules(kinematics: ContactKinematics, contact: Contact) -> Itera
         "must be a direction in which an impulse moves the contact: n.K n is 0",
     )
     yield Rule(
-        (contact.friction == 0) | kinematics.can_come_to_rest(),
+        (contact.friction == 0) | (kinematics.n_u >= 0) | kinematics.can_come_to_rest(),
         StatusCode.INVALID_COEFFICIENT,
         "contact.friction",
-        "must be 0 if the contact slips in a direction in which no impulse moves it",
+        "must be 0 if a contact that approaches slips in a direction in which no impulse moves it",
     )
 
 

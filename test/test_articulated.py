@@ -813,5 +813,32 @@ def test_a_zero_matrix_is_refused_by_name():
 def test_a_velocity_that_no_impulse_stops_is_refused_however_little_the_contact_moves_across(power):
     """Little mobility turns the locked directions by rounding, but not as far as ``u`` is off."""
     K = [[4, 0, -2], [0, 2.0**-power, 0], [-2, 0, 1]]
-    with pytest.raises(ImpactError, match="friction: must be 0 if the contact slips in a direction"):
+    with pytest.raises(ImpactError, match="friction: must be 0 if a contact that approaches slips"):
         resolve_contact(K, (0.25048828125, 0, -0.1240234375), (0, 0, 1), 1.0, 1.0)
+
+
+def test_a_velocity_that_no_impulse_stops_is_no_fault_of_a_contact_that_separates():
+    K = [[1, 0, 0], [0, 0, 0], [0, 0, 1]]
+    assert resolve_contact(K, (0.3, 0.1, 1.0), (0, 0, 1), 0.5, 0.3).status is StatusCode.SEPARATING
+    with refused(StatusCode.INVALID_COEFFICIENT, "friction"):
+        resolve_contact(K, (0.3, 0.1, -1.0), (0, 0, 1), 0.5, 0.3)
+
+
+@pytest.mark.parametrize("delta", [1e-3, 1e-5, 1e-7, 1e-9])
+@pytest.mark.parametrize("seed", range(10))
+def test_next_to_a_wedge_motion_and_energy_are_those_of_the_joints(seed, delta):
+    """There MOREAU presses up to 1e11 times as hard as needed, in the direction that is locked."""
+    draw = np.random.default_rng(seed)
+    jacobian, n, rates = (draw.normal(size=size) for size in ((3, 2), 3, 2))
+    rates *= -np.sign(n @ jacobian @ rates)
+    locked = np.cross(*jacobian.T)
+    along = abs(locked @ n) / np.linalg.norm(locked) / np.linalg.norm(n)
+    mu = math.sqrt(1 - along**2) / along * (1 - delta)
+    model = ImpactModel(Law.MOREAU)
+    answer = resolve_contact(jacobian @ jacobian.T, jacobian @ rates, n, 1.0, mu, model)
+    rates_after = rates + jacobian.T @ np.array(answer.impulse)
+    rounding = 1e-14 * np.linalg.norm(answer.impulse) * np.linalg.norm(jacobian) ** 2 + 1e-12
+    np.testing.assert_allclose(answer.velocity_after, jacobian @ rates_after, rtol=0, atol=rounding)
+    change = (rates_after @ rates_after - rates @ rates) / 2
+    assert answer.energy_change == pytest.approx(change, abs=10 * rounding)
+    assert answer.energy_change <= rounding

@@ -95,7 +95,6 @@ def test_rescaling_is_preferred_to_more_digits(law, masses):
 @pytest.mark.parametrize("tolerance", [0.5, 2.0**-20, 1e-9, 2.0**-48, 1e-15, 1e-20])
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
 def test_every_tolerance_uses_the_precision_that_resolve_uses(law, tolerance, precision):
-    """Loose tolerances too: ``resolve`` uses more digits where the bound says hardly anything."""
     collisions, _, bodies, contacts = ill_conditioned(law, 7.0)
     model = ImpactModel(law, precision=precision, tolerance=tolerance)
     result = resolve_batch(bodies, contacts[:-1], model)

@@ -163,6 +163,15 @@ def test_a_tolerance_selects_the_cheapest_precision_that_meets_it():
     assert used == [Precision.DOUBLE, Precision.EXTENDED, Precision.EXTENDED]
 
 
+def test_a_loose_tolerance_costs_no_digits():
+    """Even where its bound is one that AUTO would not accept without a tolerance."""
+    collision = extremes.grazing(1e-14, GRAZING)
+    impact = resolve(*collision, ImpactModel(tolerance=0.5))
+    assert impact.model.precision is Precision.DOUBLE
+    assert USEFUL_BOUND < impact.error_bound <= 0.5
+    assert true_error(impact, exact_answer(*collision, impact.model)) <= impact.error_bound
+
+
 @pytest.mark.parametrize(
     ("share", "precision"), [(1e-3, Precision.DOUBLE), (1e-10, Precision.DOUBLE), (1e-14, Precision.EXTENDED)]
 )

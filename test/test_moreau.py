@@ -187,6 +187,16 @@ def test_regimes():
     assert solve(rod(math.pi / 2), (9.0, -1.0, 0.0), UP, 0.5, 0.1).regime == Regime.SLIDING
 
 
+@pytest.mark.parametrize("precision", [Precision.DOUBLE, Precision.EXTENDED])
+def test_the_regime_without_friction_is_that_of_the_slip(precision):
+    """Fractions are answered in balls."""
+    K = [[F(x, 3) for x in row] for row in ((21, 20, 21), (20, 25, 16), (21, 16, 26))]
+    model = ImpactModel(Law.MOREAU, precision=precision)
+    answer = resolve_contact(K, (-1 / 3, -1, -4 / 3), (0, 0, 1), 0.5, 0.0, model)
+    assert answer.velocity_after.x * (-1 / 3) + answer.velocity_after.y * -1 < 0
+    assert answer.regime is Regime.REVERSED
+
+
 @pytest.mark.parametrize("exponent", [3, 9, 12, 15, 18, 21, 24])
 @pytest.mark.parametrize("precision", [Precision.EXTENDED, Precision.AUTO])
 def test_sticking_of_bodies_with_small_moments(exponent, precision):

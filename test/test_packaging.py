@@ -150,7 +150,7 @@ def setup_options(monkeypatch):
 @pytest.mark.parametrize("release", ["kilted", "jazzy"])
 def test_requirements_are_those_of_the_release_it_is_built_with(setup_options, release):
     needed = setup_options(wheels(release))["install_requires"]
-    assert {"numpy>=1.22", "python-flint"} < set(needed)
+    assert {"numpy>=1.22", "python-flint>=0.7"} < set(needed)
     of_ros = pins("\n".join(needed))
     assert of_ros.keys() == {
         "ros-diagnostic-msgs",

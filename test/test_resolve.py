@@ -654,6 +654,15 @@ def test_an_answer_and_its_parts_have_the_hash_of_equal_tuples():
         assert hash(part) == hash(type(part)(*part))
 
 
+def test_the_model_of_an_answer_has_the_numbers_of_the_request():
+    """Plans of models are kept: not one of a model with another sign of zero, or another type."""
+    for number in (0.0, -0.0, 0, F(0), np.float64(0.0), np.float64(-0.0), -0.0, 0.0):
+        model = ImpactModel(Law.COULOMB, tangential_restitution=number)
+        reported = resolve(BALL, FLOOR, CONTACT, model).model.tangential_restitution
+        assert type(reported) is type(number)
+        assert math.copysign(1, reported) == math.copysign(1, number)
+
+
 def test_reading_a_number_may_resolve_with_other_models():
     """Python code may run while a request is read: in a number's ``__float__``, or in another thread."""
     others = [ImpactModel(Law.ROUTH_STRONGE, tolerance=1e-3 + i * 1e-6) for i in range(20)]

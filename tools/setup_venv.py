@@ -14,6 +14,7 @@ import os
 import platform
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import sysconfig
@@ -188,7 +189,14 @@ class Kernels:
             stdin=subprocess.DEVNULL,
             stdout=self.log.open("w"),
             stderr=subprocess.STDOUT,
+            start_new_session=True,  # so that stop() ends compilers, too
         )
+
+    def stop(self, build):
+        """End a build that still runs, because something else has failed: the next one would disturb it."""
+        if build.poll() is None:
+            os.killpg(build.pid, signal.SIGTERM)
+            build.wait()
 
     def wait(self, build):
         """Wait for the build and return the compiled modules. If it fails, print its log and exit."""
@@ -216,21 +224,25 @@ def install_package(name, extras):
         environment.create()
         environment.pip_install("cmake and ninja", "cmake", "ninja")
     build = kernels.start()
-    os.environ["PATH"] = f"{environment.path / 'bin'}{os.pathsep}{os.environ['PATH']}"
-    if is_new:
-        environment.install_build_requirements("build requirements")
-        environment.pip_install(
-            "the package and its dependencies (2 min)", "--no-build-isolation", f".[{extras}]"
-        )
-        (environment.path / "needs.stamp").write_text(dependencies)
-        (environment.path / "build.stamp").write_text(inputs)
-    elif not environment.is_current("build.stamp", inputs):
-        (environment.path / "build.stamp").unlink(missing_ok=True)  # if interrupted, install again next time
-        environment.pip_install(
-            "the package again (1 min)", "--no-build-isolation", "--no-deps", "--force-reinstall", "."
-        )
-        (environment.path / "build.stamp").write_text(inputs)
-    compiled = kernels.wait(build)
+    try:
+        os.environ["PATH"] = f"{environment.path / 'bin'}{os.pathsep}{os.environ['PATH']}"
+        if is_new:
+            environment.install_build_requirements("build requirements")
+            environment.pip_install(
+                "the package and its dependencies (2 min)", "--no-build-isolation", f".[{extras}]"
+            )
+            (environment.path / "needs.stamp").write_text(dependencies)
+            (environment.path / "build.stamp").write_text(inputs)
+        elif not environment.is_current("build.stamp", inputs):
+            # If interrupted, install again next time.
+            (environment.path / "build.stamp").unlink(missing_ok=True)
+            environment.pip_install(
+                "the package again (1 min)", "--no-build-isolation", "--no-deps", "--force-reinstall", "."
+            )
+            (environment.path / "build.stamp").write_text(inputs)
+        compiled = kernels.wait(build)
+    finally:
+        kernels.stop(build)
     link_python(next(environment.path.glob("lib/python*/site-packages/collision_response")), compiled)
     link_shared(environment.path / "share" / "collision_response")
     return environment

@@ -18,6 +18,8 @@ those of :func:`~collision_response.resolve`, to the bit. With a tolerance every
 and is computed again with more digits where ``resolve`` would do so. Without a tolerance there is no bound,
 and AUTO precision stays in DOUBLE, even where ``resolve`` would notice that DOUBLE is not enough. Routh's
 laws then take a slip that is nothing but rounding for a slip, and may differ in the last bits and the regime.
+So may numbers near the ends of float64's range: ``resolve`` changes to other units where an energy overflows,
+a batch without a report has no energies.
 A contact that cannot be resolved gets its own status and NaN for results; it does not affect the others.
 """
 

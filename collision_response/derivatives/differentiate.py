@@ -126,8 +126,9 @@ class BatchDerivatives(NamedTuple):
     Attributes:
         result: as :func:`~collision_response.batch.resolve_batch` returns it.
         jacobian: of :data:`RESULTS` in each direction, shape ``(15, K, N)``. NaN if a contact has no answer;
-            infinite or NaN where :func:`differentiate` would be OUT_OF_RANGE.
-        smoothness: a :class:`Smoothness` for each direction and contact, uint8, shape ``(K, N)``.
+            infinite or NaN where a derivative is beyond float64.
+        smoothness: a :class:`Smoothness` for each direction and contact, uint8, shape ``(K, N)``; without a
+            meaning if a contact has no answer.
     """
 
     result: BatchResult

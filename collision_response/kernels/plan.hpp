@@ -1,5 +1,7 @@
 // The plan of an ImpactModel: what plan_model() of model.py decides for it.
 #pragma once
+#include <cmath>
+
 #include "constants.hpp"
 #include "python_objects.hpp"
 
@@ -8,9 +10,8 @@ struct Plan {
   double settings[MODEL], errors[MODEL], target_bound, bound_limit;
 };
 
-// Plans of the last few models are cached. Models are told apart by identity. Python code, which may run whenever the
-// functions here or read_numbers.hpp call it, may use other models, also in other threads: so no pointer into the cache
-// is kept.
+// Plans of the last few models are cached. Python code, which may run whenever the functions here or read_numbers.hpp call
+// it, may use other models, also in other threads: so no pointer into the cache is kept.
 constexpr int GEOMETRIES = GEOMETRY_SPATIAL + 1, PRECISIONS = PRECISION_EXTENDED + 1;
 struct CachedPlan {
   PyObject* model;
@@ -21,9 +22,25 @@ constexpr int CACHE_SIZE = 8;
 inline CachedPlan cached_plans[CACHE_SIZE];
 inline int next_plan;
 
+// Whether two models have the same fields: a new model in every call then costs no new plan. Nothing is converted or
+// compared by Python, so numbers that are not floats must be the same objects.
+inline bool is_same_model(PyObject* one, PyObject* other) {
+  if (one == other) return true;
+  if (!one || Py_TYPE(one) != Py_TYPE(other) || !PyTuple_Check(one) || PyTuple_GET_SIZE(one) != PyTuple_GET_SIZE(other))
+    return false;
+  for (Py_ssize_t i = 0; i < PyTuple_GET_SIZE(one); ++i) {
+    PyObject *x = PyTuple_GET_ITEM(one, i), *y = PyTuple_GET_ITEM(other, i);
+    if (x == y) continue;
+    if (!PyFloat_CheckExact(x) || !PyFloat_CheckExact(y)) return false;
+    const double a = PyFloat_AS_DOUBLE(x), b = PyFloat_AS_DOUBLE(y);
+    if (a != b || std::signbit(a) != std::signbit(b)) return false;
+  }
+  return true;
+}
+
 inline CachedPlan* find_cached_plan(PyObject* model) {
   for (CachedPlan& cached : cached_plans)
-    if (cached.model == model) return &cached;
+    if (is_same_model(cached.model, model)) return &cached;
   return nullptr;
 }
 

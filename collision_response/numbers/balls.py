@@ -20,7 +20,7 @@ try:
 except ImportError:
     AVAILABLE = False
 else:
-    AVAILABLE = True
+    AVAILABLE = hasattr(ctx, "workprec")  # since python-flint 0.7
 
 
 def _operator(apply: Callable[[Any, Any], Any]) -> Callable[[Ball, Any], Ball]:

@@ -360,6 +360,15 @@ class ContactKinematics(NamedTuple):
     def _possibly_singular_K(self) -> Symmetric3:
         return self.body_a.inverse_effective_mass() + self.body_b.inverse_effective_mass()
 
+    def moving_part(self, impulse: Vec3) -> Vec3:
+        """``impulse`` without its component along the locked directions, which moves nothing.
+
+        Next to a wedge that component is so large that ``K`` times it, which is rounding, counts as motion.
+        """
+        if self.is_rigid():
+            return impulse
+        return impulse - self._locked_directions(self._possibly_singular_K()) @ impulse
+
     def twist_changes(self, impulse: Vec3) -> tuple[Twist, Twist]:
         """Changes of the twists of both reference points, for ``impulse`` on body_a."""
         return self.body_a.twist_change(impulse), self.body_b.twist_change(-impulse)

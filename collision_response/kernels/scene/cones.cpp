@@ -72,16 +72,15 @@ double Cones<R>::solve_from(const Cones<S>& coarse) {
 }
 
 template <class R>
-void Cones<R>::solve_from_zero(double size) {
-  const std::vector<Axes> none(P.size());
-  if (lagrangian_step(size, none, true, 12)) return;
+void Cones<R>::solve_from(double size, const std::vector<Axes>& from) {
+  if (lagrangian_step(size, from, true, 12)) return;
   double reached = 1, factor = GREATEST_FACTOR;
-  lagrangian_step(reached, none, true, 60);
+  lagrangian_step(reached, from, true, 60);
   for (int turn = 0; turn < MAX_STEPS && reached < size && factor > LEAST_FACTOR && multiplications() < BUDGET;
        ++turn) {
     const State before = state();
     const double next = std::fmin(factor * reached, size);
-    if (lagrangian_step(next, none, false, MOST_TURNS)) {
+    if (lagrangian_step(next, from, false, MOST_TURNS)) {
       reached = next;
       factor = std::fmin(factor * factor, GREATEST_FACTOR);
     } else {

@@ -72,13 +72,15 @@ class Cones {
   double solve_from(const Cones<S>& coarse);
   // One step from Q = 0, with rho = size. If Newton's method does not converge from the start, raise rho step by step, by
   // factors with which it does.
-  void solve_from_zero(double size = FIRST_RHO);
+  void solve_from_zero(double size = FIRST_RHO) { solve_from(size, std::vector<Axes>(P.size())); }
+  // The same from another Q.
+  void solve_from(double size, const std::vector<Axes>& from);
 
   // Rounds from the P at hand. Returns a bound on the error of y.
   double go_on();
 
-  // The impulse that pulls a contact so that it does not separate faster than its velocity is kept, or 0.
-  double pull(size_t i) const { return std::fmax(-high(x[6 * body_count + i]), 0); }
+  // The impulse that keeps the velocity of a contact: it pulls if it is less than 0.
+  double keeping(size_t i) const { return high(x[6 * body_count + i]); }
 
   // y = B^T P
   Vector motion() const;

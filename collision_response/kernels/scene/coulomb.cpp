@@ -79,9 +79,9 @@ Vector sticking_multipliers(const Assembly& assembly, const std::vector<int>& lo
   return multipliers;
 }
 
-// The least velocity at which a contact is pressed, or parts, and the least impulse that keeps it from parting. Errors of
-// the normals of a box, up to 1e-4, let its fourth corner part as slowly as that.
-constexpr double LEAST_CHANGE = 1e-3, LEAST_PULL = 1e-8;
+// The least velocity at which a contact is pressed, or parts, and the least pull that keeps it from parting. Errors of the
+// normals of a box, up to 1e-4, let its fourth corner part as slowly as that.
+constexpr double LEAST_CHANGE = 1e-3, LEAST_PULL = 1e-6;
 
 // The programme of least work for the contacts that are loaded. Its velocities are in units of `speed`.
 struct LeastWork {
@@ -167,7 +167,7 @@ struct LeastWork {
     std::vector<Axes> P;
     Motion after;
     double error;
-    double pull;  // the greatest impulse that keeps the velocity of a contact without a load
+    double pull;  // see pull_of()
   };
   // The impulses of least work of the contacts that are loaded.
   Solution least_work() const {
@@ -178,9 +178,38 @@ struct LeastWork {
       const int i = loaded[k];
       found.P[i] = in_newton_seconds(programme.P[k], assembly.contacts[i], speed);
       found.after.apply(i, found.P[i]);
-      if (!(found.P[i][0] > 0)) found.pull = std::fmax(found.pull, programme.pull(k) * speed);
     }
+    found.pull = pull_of(programme) * speed;
     return found;
+  }
+
+  // How much of the effect that keeps the velocities takes impulses which pull at contacts without a load. Contacts of one
+  // face keep each other's velocities, in several ways: what one would do by pulling, others may do by pressing.
+  double pull_of(const Cones<double>& programme) const {
+    constexpr double HARD = 1e9;
+    Cones<double> pressing(assembly.body_count);
+    Vector effect(6 * static_cast<size_t>(assembly.body_count));
+    bool do_pull = false;
+    for (size_t k = 0; k < loaded.size(); ++k) {
+      Cone<double> cone = programme.cones[k];
+      const bool is_loaded = programme.P[k][0] > 0;
+      do_pull = do_pull || (!is_loaded && programme.keeping(k) < -LEAST_PULL);
+      cone.add_effect({programme.keeping(k), 0, 0}, effect);
+      cone.mu = 0;
+      cone.part = 1;
+      pressing.cones.push_back(cone);
+      if (!is_loaded) continue;  // a contact with a load may also press less
+      for (auto& side : cone.row)
+        for (double& one : side[0]) one = -one;
+      pressing.cones.push_back(cone);
+    }
+    if (!do_pull) return 0;
+    pressing.aim_at(effect);
+    pressing.prepare();
+    pressing.solve_from_zero(HARD);
+    Vector off = pressing.motion();
+    increase(off, -1, effect);
+    return std::sqrt(dot(off, off));
   }
 
   // Whether friction presses contacts that are not loaded without it.
@@ -215,21 +244,12 @@ struct LeastWork {
     return presses ? found : as_least_work(found);
   }
 
-  // Whether each contact that is loaded has the normal of another one of the same bodies, up to 4e-7. Friction then may
-  // shift between these, with hardly any effect.
+  // Whether each contact that is loaded is parallel to another one. Friction then may shift between these, with hardly any
+  // effect.
   bool all_are_parallel() const {
-    constexpr double PARALLEL = 1e-13;
-    const std::vector<AssembledContact>& contacts = assembly.contacts;
     return std::all_of(loaded.begin(), loaded.end(), [&](int i) {
-      return std::any_of(loaded.begin(), loaded.end(), [&](int j) {
-        const AssembledContact &one = contacts[i], &other = contacts[j];
-        auto same = [&](int a, int b) { return one.body[a] == other.body[b] && one.wall[a] == other.wall[b]; };
-        const bool turned = same(0, 1) && same(1, 0);
-        if (i == j || !(turned || (same(0, 0) && same(1, 1)))) return false;
-        double product = 0;
-        for (int k = 0; k < 3; ++k) product += one.normal[k] / one.length * (other.normal[k] / other.length);
-        return (turned ? -product : product) > 1 - PARALLEL;
-      });
+      return std::any_of(loaded.begin(), loaded.end(),
+                         [&](int j) { return i != j && are_parallel(assembly.contacts[i], assembly.contacts[j]); });
     });
   }
 

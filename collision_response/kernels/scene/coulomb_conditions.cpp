@@ -300,15 +300,15 @@ class Conditions {
 };
 
 // An estimate of the error of y: how far it is from the y of other velocities, and of other shares of the load.
-double motion_error(const Conditions& solved, bool may_creep) {
+double motion_error(const Conditions& solved, bool on_faces) {
   // Relative to velocities and impulses. Normals that are off by 1e-9 make P creep for slips of CREEPING.
-  constexpr double EXACT = 0x1p-44, CREEPING = 0x1p-32, ROUNDING = 0x1p-50;
+  constexpr double EXACT = 0x1p-44, CREEPING = 0x1p-30, ROUNDING = 0x1p-50;
   constexpr double LEAST_OF_CREEPING = 1e-6;  // P is not followed to where it ends: far above the errors seen
   constexpr double FARTHER = 10;  // change of velocities, relative to off()
   constexpr double CAUTION = 4;  // the directions tried may not be those in which the error is greatest
   constexpr int TRIES = 3;
   const double greatest = solved.greatest(), unit = std::fmax(1, greatest), off = solved.off();
-  if (off > (may_creep ? CREEPING : EXACT) * unit) return INFINITY;  // P that creep have unknown limits
+  if (off > (on_faces ? CREEPING : EXACT) * unit) return INFINITY;  // P that creep have unknown limits
   const double farther = FARTHER * std::fmax(off, ROUNDING * unit);
   auto nearby = [&](double size, double part, double phase) -> std::optional<Conditions> {
     Conditions other = solved;
@@ -330,9 +330,14 @@ double motion_error(const Conditions& solved, bool may_creep) {
       }
   if (!is_known) return INFINITY;
 
+  constexpr double SEVERAL = 1e-3, APART = 10;  // changes of y: of shares that matter, and of solutions that lie apart
+  constexpr double SLIGHT = 1e-6;  // change of velocities
+  for (int k = 0; k < TRIES && on_faces; ++k)
+    for (double size : {-SLIGHT, SLIGHT})
+      if (const auto other = nearby(size, 0, k); other && distance(*other) > SEVERAL * greatest) return INFINITY;
+
   constexpr double OTHER = 0.01;  // relative change of the shares
   constexpr double EXCESS = 10;  // of a change of y over what this explains
-  constexpr double SEVERAL = 1e-3, APART = 10;  // changes of y: of shares that matter, and of solutions that lie apart
   is_known = false;
   for (int k = 0; k < TRIES; ++k) {
     const auto other = nearby(0, OTHER, k);
@@ -349,7 +354,7 @@ double motion_error(const Conditions& solved, bool may_creep) {
 
 }  // namespace
 
-ClusterImpulses obey_coulomb(const Assembly& assembly, const Vector& rebounds, double budget, bool may_creep) {
+ClusterImpulses obey_coulomb(const Assembly& assembly, const Vector& rebounds, double budget, bool on_faces) {
   constexpr double SOLVED = 1e-6;  // greatest off(), and a hundred times this, of the greatest impulse
   std::vector<Axes> P(assembly.count);
   double speed = 0;
@@ -365,7 +370,7 @@ ClusterImpulses obey_coulomb(const Assembly& assembly, const Vector& rebounds, d
   Conditions conditions(assembly, rebounds, speed, budget);
   if (!conditions.solve()) return {false};
   if (!(conditions.off() <= SOLVED * std::fmin(1, 100 * conditions.greatest()))) return {false};
-  const double error = speed * (assembly.is_locked ? INFINITY : motion_error(conditions, may_creep));
+  const double error = speed * (assembly.is_locked ? INFINITY : motion_error(conditions, on_faces));
   for (int i = 0; i < assembly.count; ++i) P[i] = in_newton_seconds(conditions.P[i], assembly.contacts[i], speed);
   return with_axis_impulses({true, {}, error}, assembly, P);
 }

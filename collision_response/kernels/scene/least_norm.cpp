@@ -108,16 +108,17 @@ constexpr double GREATEST_MULTIPLIERS = 1e9;
 // great, and no such component changes an impulse by more than it is.
 template <class R>
 bool minimise_norm_in(const Assembly& assembly, std::vector<R>& p, bool over_copies,
-                      const std::vector<std::vector<DD>>& basis, double left_out = 0) {
+                      const std::vector<std::vector<DD>>& basis, double left_out = 0, const Vector& target = {}) {
   constexpr double SMALL = is_scalar<R> ? 1e-10 : 1e-14;
   const int count = assembly.count;
   std::vector<std::vector<R>> Z(basis.size(), std::vector<R>(count));
   std::vector<std::vector<int>> used(basis.size());  // the contacts for which each of them is not 0
-  std::vector<R> P(count);
+  std::vector<R> P(count), goal(count);
   Vector weight(count), terms(count);  // terms: the sum of the sizes of what P is the sum of
   for (int i = 0; i < count; ++i) {
     weight[i] = assembly.contacts[i].length / (over_copies ? std::sqrt(assembly.contacts[i].copies) : 1);
     P[i] = weight[i] * p[i];
+    if (!target.empty()) goal[i] = constant<R>(weight[i] * target[i]);
     terms[i] = std::fabs(high(P[i]));
     for (size_t k = 0; k < Z.size(); ++k) Z[k][i] = weight[i] * rounded_to<R>(basis[k][i]);
   }
@@ -155,7 +156,7 @@ bool minimise_norm_in(const Assembly& assembly, std::vector<R>& p, bool over_cop
     add(P, by, k);
     for (int i : used[k]) terms[i] += std::fabs(high(by * Z[k][i]));
   };
-  for (size_t k = 0; k < Z.size(); ++k) add_to_P(-along(P, k), k);
+  for (size_t k = 0; k < Z.size(); ++k) add_to_P(along(goal, k) - along(P, k), k);
   // P + Z Z^T x >= 0, x >= 0: the dual is again a quadratic programme, scaled to a unit diagonal.
   std::vector<R> b(count), s(count), dual(static_cast<size_t>(count) * count);
   for (size_t k = 0; k < Z.size(); ++k)
@@ -205,9 +206,9 @@ bool minimise_norm_in(const Assembly& assembly, std::vector<R>& p, bool over_cop
 
 NullImpulses null_impulses(const Assembly& assembly) { return null_impulses_with(assembly, LEAST_EFFECT); }
 
-bool minimise_norm(const Assembly& assembly, std::vector<DD>& p, const std::vector<std::vector<DD>>& Z,
-                   double left_out) {
-  return minimise_norm_in(assembly, p, false, Z, left_out);
+bool minimise_norm(const Assembly& assembly, std::vector<DD>& p, const std::vector<std::vector<DD>>& Z, double left_out,
+                   const Vector& target) {
+  return minimise_norm_in(assembly, p, false, Z, left_out, target);
 }
 
 void least_norm(const Assembly& assembly, Vector& p) {

@@ -15,10 +15,10 @@ constexpr double NEXT_TO_NOTHING = 1e-26;  // the square of an effect that is 0 
 // The impulses that do next to nothing.
 NullImpulses null_impulses(const Assembly& assembly);
 
-// Replace p by the p + Z z >= 0 of least norm, for null impulses Z. Returns whether p is known. Contacts that Z changes by
-// up to `left_out` of its norm are left out, whatever basis Z is.
+// Replace p by the p + Z z >= 0 that is nearest to `target`, or of least norm, for null impulses Z. Returns whether p is
+// known. Contacts that Z changes by up to `left_out` of its norm are left out, whatever basis Z is.
 bool minimise_norm(const Assembly& assembly, std::vector<DD>& p, const std::vector<std::vector<DD>>& Z,
-                   double left_out = 0);
+                   double left_out = 0, const Vector& target = {});
 
 // Replace p by the impulses >= 0 of the same effect with the least sum of n.n p^2, over all copies of contacts.
 void least_norm(const Assembly& assembly, Vector& p);

@@ -77,10 +77,11 @@ DD wall_velocity(const Assembly& assembly, const AssembledContact& contact, int 
   return velocity;
 }
 
-// The loads >= 0 of nearly the same effect with nearly the least norm: those that minimise the square of the difference
-// in the effect, plus SHARING times the norm. Walls that move apart are one more body, which their work moves. Only the
-// contacts `among` have any.
-Vector share_nearly(const Assembly& assembly, const Vector& loads, const std::vector<int>& among) {
+// The loads >= 0 of nearly the same effect that are nearly the nearest to a target: those that minimise the square of the
+// difference in the effect, plus SHARING times that of the distance. Walls that move apart are one more body, which their
+// work moves. Only the contacts `among` have any.
+Vector share_nearly(const Assembly& assembly, const Vector& loads, const std::vector<int>& among,
+                    const Vector& target) {
   const int walls = assembly.body_count;
   const double greatest = greatest_of(loads);
   double fastest = 0, mean = 0;
@@ -110,7 +111,9 @@ Vector share_nearly(const Assembly& assembly, const Vector& loads, const std::ve
     }
   programme.aim_at(programme.motion());
   programme.prepare();
-  programme.solve_from_zero(1 / SHARING);
+  std::vector<std::array<DD, 3>> from;
+  for (int i : among) from.push_back({DD{target[i] / greatest, 0}, DD{}, DD{}});
+  programme.solve_from(1 / SHARING, from);
   Vector shared(assembly.count);
   for (size_t k = 0; k < among.size(); ++k) shared[among[k]] = programme.P[k][0].h * greatest;
   return shared;
@@ -156,7 +159,45 @@ Vector loads_nearby(const Assembly& assembly, const Vector& loads) {
   return nearby;
 }
 
+// Loads that are shared, and half of those that contacts without any could have as well: contacts of one face, whose loads
+// decide nothing but how friction is spread. nearest(target) gives the loads of the same effect that are nearest to a target.
+template <class Nearest>
+Vector possible_loads(const Assembly& assembly, Vector loads, double least, const Nearest& nearest) {
+  constexpr double FAR = 100;  // loads that no contact has, relative to the greatest: this draws contacts towards some
+  const std::vector<AssembledContact>& contacts = assembly.contacts;
+  const double greatest = greatest_of(loads), limit = least * greatest;
+  auto may_share = [&](int i) {
+    for (int j = 0; j < assembly.count; ++j)
+      if (loads[j] > limit && contacts[i].mu == contacts[j].mu && are_parallel(contacts[i], contacts[j])) return true;
+    return false;
+  };
+  for (bool is_more = greatest > 0; is_more;) {
+    Vector target(assembly.count);
+    for (int i = 0; i < assembly.count; ++i)
+      if (!(loads[i] > limit) && may_share(i)) target[i] = FAR * greatest;
+    is_more = false;
+    if (!(greatest_of(target) > 0)) break;
+    const Vector other = nearest(target);
+    for (int i = 0; i < assembly.count; ++i)
+      if (target[i] > 0 && other[i] > 2 * limit) {
+        loads[i] = other[i] / 2;
+        is_more = true;
+      }
+  }
+  return loads;
+}
+
 }  // namespace
+
+bool are_parallel(const AssembledContact& one, const AssembledContact& other) {
+  constexpr double PARALLEL = 1e-13;
+  double product = 0;
+  for (int k = 0; k < 3; ++k) product += one.normal[k] / one.length * (other.normal[k] / other.length);
+  auto same = [&](int a, int b) { return one.body[a] == other.body[b] && one.wall[a] == other.wall[b]; };
+  if (same(0, 1) && same(1, 0)) product = -product;
+  else if (!(same(0, 0) && same(1, 1))) return false;
+  return product > 1 - PARALLEL;
+}
 
 SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p) {
   constexpr double SMALL = 1e-10, LEAST = 1e-6;  // a load, relative to those of its bodies; a part
@@ -172,6 +213,14 @@ SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p) {
                        [&](const std::vector<DD>& z) { return std::fabs(z[i].h) < none; });
   };
   Vector loads = loads_of(assembly, shared);
+  auto nearest = [&](const Vector& target) {
+    Vector impulses = target;
+    for (int i = 0; i < count; ++i) impulses[i] *= assembly.contacts[i].scale;
+    std::vector<DD> other = shared;
+    minimise_norm(assembly, other, null.basis, NO_SHARE, impulses);
+    return loads_of(assembly, other);
+  };
+  Vector possible = null.basis.empty() ? loads : possible_loads(assembly, loads, SMALL, nearest);
   const double greatest = greatest_of(loads), no_load = NO_LOAD * greatest;
   // A body without a load has none to share. Where p leaves it without, its share may be rounding.
   Vector sure = loads_of(assembly, p);
@@ -181,31 +230,33 @@ SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p) {
   std::vector<int> touched;  // contacts of bodies that all have a load
   for (int i = 0; i < count; ++i) {
     if (given[i] > no_load) touched.push_back(i);
-    else loads[i] = 0;
+    else loads[i] = possible[i] = 0;
   }
-  SharedLoads result{loads, greatest, Vector(count)};
+  SharedLoads result{possible, greatest, Vector(count)};
   const Vector nearby = loads_nearby(assembly, loads);
   std::optional<RoundedLoads> rounded;  // found if needed
-  Vector nearly_shared, shared_nearby;  // the same
+  Vector nearly_shared, nearly_possible, shared_nearby;  // the same
   for (int i = 0; i < count; ++i) {
-    const double exactly = loads[i] / std::fmax(nearby[i], no_load);
-    double part = exactly > SMALL && loads[i] > no_load;
+    const double exactly = std::fmax(loads[i], possible[i]) / std::fmax(nearby[i], no_load);
+    double part = exactly > SMALL && given[i] > no_load;
     if (exactly < NEVER_ROUNDING && loads[i] > 0 && is_independent(i)) {
       if (!rounded) rounded.emplace(assembly);
       part = rounded->part_of(i, loads[i] / greatest);
     }
     if (!(part >= 1) && given[i] > no_load) {
       if (nearly_shared.empty()) {
-        nearly_shared = share_nearly(assembly, loads, touched);
+        auto nearly = [&](const Vector& target) { return share_nearly(assembly, loads, touched, target); };
+        nearly_shared = nearly(Vector(count));
+        nearly_possible = possible_loads(assembly, nearly_shared, LEAST, nearly);
         shared_nearby = loads_nearby(assembly, nearly_shared);
       }
       // Sharing gives loads of about SHARING to bodies that have hardly any.
-      part = std::fmax(part, nearly_shared[i] / std::fmax(shared_nearby[i], SHARING / LEAST * greatest));
+      part = std::fmax(part, nearly_possible[i] / std::fmax(shared_nearby[i], SHARING / LEAST * greatest));
     }
     result.part[i] = part > LEAST ? std::fmin(part, 1) : 0;
   }
   // Loads that small differences decide are known to few digits, those that are nearly shared to all.
   for (int i = 0; i < count && !nearly_shared.empty(); ++i)
-    if (result.part[i] >= 1) result.loads[i] = nearly_shared[i];
+    if (result.part[i] >= 1) result.loads[i] = nearly_possible[i];
   return result;
 }

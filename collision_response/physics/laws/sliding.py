@@ -143,7 +143,8 @@ class Sliding(NamedTuple):
         radius = certain(2 * E / safe_divisor(m))
         # |x| >= (sigma + h D) |v|. So within this distance |x| shrinks by a quarter at most, and |x|'', which
         # goes with its inverse cube, grows less than threefold.
-        distance = certain(sigma + self.hhD / safe_divisor(self.h)) / 4
+        hD = choose(certain(self.h) > 0, lambda: self.hhD / self.h, lambda: self.hhD)  # 0 without friction
+        distance = certain(sigma + hD) / 4
         second_derivative = certain(2 + 3 * (curvature + error_of(curvature)))
         known = (m > 0) & (radius <= distance) & (radius < 1) & (radius * second_derivative <= 0.45 * m)
         return choose(known, lambda: radius, lambda: 2.0 + 0 * distance)
