@@ -298,6 +298,34 @@ def test_moreau_is_replaced_where_it_would_create_energy():
     assert gained > 0
 
 
+def test_moreau_is_replaced_where_it_would_create_little_more_energy_than_rounding():
+    """Two balls on a floor, the upper one slower by a little."""
+    bodies = [Body.static(), *(Body.sphere(1.0, 0.5, position=(0, 0, z)) for z in (0.5, 1.5))]
+    contacts = [Contact.of((0, 0, z), (0, 0, 1), 1.0) for z in (0, 1)]
+    replaced = set()
+    for power in range(-130, -88):
+        speeds_before = (0, 0, -1.0), (0, 0, -1.0 + 10 ** (power / 10))
+        moving = [b._replace(velocity=Vec3(*v)) for b, v in zip(bodies[1:], speeds_before, strict=True)]
+        answer = resolve_scene([bodies[0], *moving], [(1, 0), (2, 1)], contacts, ImpactModel(Law.MOREAU))
+        assert answer.kinetic_energy_after <= answer.kinetic_energy_before * (1 + 1e-11)
+        replaced.add(bool(answer.adjustments & Adjustment.LAW_FALLBACK))
+    assert replaced == {False, True}
+
+
+@pytest.mark.parametrize("steep", [0.1, math.pi / 4])
+def test_more_friction_than_any_changes_no_path(steep):
+    ball = Body.sphere(1.0, 1.0, velocity=(0.3, 0.4, -1.0), angular_velocity=(1, 2, 3))
+    s, c = math.sin(steep), math.cos(steep)
+
+    def in_groove(mu: float) -> Scene:
+        contacts = [Contact.of((-x, 0, -c), (x, 0, c), 0.5, mu) for x in (s, -s)]
+        return Scene([ball, Body.static()], [(0, 1)] * 2, contacts)
+
+    first, *others = (in_groove(mu).resolve(Law.ROUTH_STRONGE) for mu in (1e12, 1e15, 1e30, 1e300))
+    for other in others:
+        assert distance(in_groove(1.0), other, first) <= first.error_bound + other.error_bound
+
+
 def test_moreau_friction_may_do_positive_work():
     """It opposes the slip after the impact, not before."""
     along = 0

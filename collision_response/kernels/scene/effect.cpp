@@ -195,7 +195,7 @@ struct Works {
     const double greatest =
         energies[ENERGY_BEFORE] * (1 + 0x1p-40) + (is_bounded ? by_error * impulse_unit * speed_unit : 0);
     const bool grows = !applied.assembly.has_moving_wall && energies[ENERGY_AFTER] > greatest;
-    effect.creates_energy = loss < -by_rounding;
+    effect.creates_energy = loss < -by_rounding || (grows && is_bounded);
     effect.is_unphysical = effect.is_unphysical || gains || (grows && is_bounded);
     effect.lacks_digits = grows && !is_bounded;
     const double to_restitution = gains ? lost_restitution : std::fmax(lost_restitution, -lost_friction);

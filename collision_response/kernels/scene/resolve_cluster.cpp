@@ -3,6 +3,9 @@
 
 namespace {
 
+// Greater coefficients of friction change no path, but cost it digits.
+constexpr double GREATEST_SPRING_FRICTION = 1e12;
+
 // ROUTH_STRONGE. The error bound includes the estimate of the error of the path.
 void resolve_by_springs(const Assembly& assembly, const ClusterOptions& options, bool has_friction,
                         ClusterResult& result) {
@@ -49,6 +52,7 @@ ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& options, c
   }
   const bool has_friction = cluster.has_friction && options.law != LAW_FRICTIONLESS;
   if (options.law == LAW_ROUTH_STRONGE) {
+    for (AssembledContact& contact : assembly.contacts) contact.mu = std::fmin(contact.mu, GREATEST_SPRING_FRICTION);
     resolve_by_springs(assembly, options, has_friction, result);
     return result;
   }
