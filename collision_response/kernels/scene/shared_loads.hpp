@@ -1,9 +1,10 @@
 // Which contacts carry the loads of an impact, and how much part in them each takes.
 //
 // Impulses of the same effect, as at the four corners of a box, are shared: others would depend on the order of the
-// contacts. A contact that is loaded then takes full part. One that is loaded only where loads of nearly the same effect
-// are shared takes less, as the fourth corner of a box whose corners are slightly off a plane; and so does one whose load
-// may be rounding. A contact of a body without any load takes none: it parts.
+// contacts. A contact that is loaded then takes full part, and so does one that could have a load of its face. One that is
+// loaded only where loads of nearly the same effect are shared takes less, as the fourth corner of a box whose corners are
+// slightly off a plane; and so does one whose load may be rounding. A contact of a body without any load takes none: it
+// parts.
 #pragma once
 #include "assembly.hpp"
 
