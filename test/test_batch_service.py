@@ -25,6 +25,7 @@ from collision_response.msg import BodyState, CollisionResult
 from collision_response.physics.centre_of_mass import moment_about_z, planar_spin, with_com_as_reference
 from collision_response.ros import batch_client, batches
 from collision_response.ros.batch_client import pack, unpack
+from collision_response.ros.batches import write_codes
 from collision_response.ros.convert import body_of, write_model
 from collision_response.ros.tables import LAYOUTS, Request, Response
 from collision_response.srv import ResolveCollision
@@ -207,6 +208,13 @@ def test_an_invalid_pair_affects_no_other_contact(shared_node):
         assert np.isnan(array).all()
     others = np.delete(np.arange(N), at)
     assert_same(columns(result, others), columns(good, others))
+
+
+def test_the_code_of_body_a_comes_first_and_same_body_stays():
+    mass, inertia, same = StatusCode.INVALID_MASS, StatusCode.INVALID_INERTIA, StatusCode.SAME_BODY
+    status = np.array([0, 0, 0, same], np.uint8)
+    write_codes(np.array([[0, 1, 2, 0], [1, 0, 1, 0]]), np.array([mass, inertia, 0], np.uint8), status)
+    assert status.tolist() == [mass, inertia, inertia, same]
 
 
 def test_a_table_without_bodies(shared_node):

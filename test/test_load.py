@@ -541,17 +541,21 @@ def test_rates_are_per_elapsed_time(graph, monkeypatch, late):
     monkeypatch.setattr(diagnostics_module, "time", SimpleNamespace(perf_counter=lambda: now[0]))
     counters = Counters()
     node = Node("nobody_spins_it", context=graph.context)
-    of_node = Diagnostics(
-        node, counters, LatestStates(1, lambda: 0, print, lambda: None, str), lambda: 0, lambda: 0
-    )
+    states = LatestStates(1, lambda: 0, print, lambda: None, str)
+    of_node = Diagnostics(node, counters, states, lambda: 0, lambda: 0)
     monkeypatch.setattr(of_node, "_publisher", SimpleNamespace(publish=told.append))
     counters.requests += 600
+    counters.latencies.extend([0.001, 0.002, 0.003])
+    states.lost, states.outdated, states.received = 3, 5, 7
     now[0] += PERIOD + late
     of_node._publish()
     (status,) = told[-1].status
     values = {value.key: value.value for value in status.values}
     assert float(values["requests per second"]) == 600 / (1.0 + late)
     assert values["answers per second"] == "0.0"
+    assert (values["latency p50 [ms]"], values["latency max [ms]"]) == ("2", "3")
+    assert (values["states lost on the way"], values["states older than the one known"]) == ("3", "5")
+    assert (values["states"], values["bodies known"]) == ("7", "0")
     node.destroy_node()
 
 

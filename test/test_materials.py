@@ -59,6 +59,12 @@ def test_a_pair_entry_has_priority_in_either_order(materials):
     assert materials.between("glass", "steel").tangential_restitution == 0.25
 
 
+@pytest.mark.parametrize("e_t", [-1.0, 1.0])
+def test_a_pair_may_have_any_tangential_restitution(write, e_t):
+    materials = Materials.read(write(f"pairs: [{{materials: [a, b], tangential_restitution: {e_t}}}]"))
+    assert materials.between("a", "b").tangential_restitution == e_t
+
+
 def test_missing_pair_values_are_combined_from_the_materials_or_none(materials):
     found = materials.find("restitution", "rubber", "rubber", CombineRule.MULTIPLY)
     assert found == (0.8 * 0.8, False, "multiply")

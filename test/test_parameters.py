@@ -72,6 +72,8 @@ def test_parameters_have_defaults_descriptions_and_limits(shared_node):
         ("restitution", math.nan, "nan"),
         ("friction", -0.25, "-0.25"),
         ("friction", math.inf, "inf"),
+        ("friction", math.nan, "nan"),
+        ("tolerance", math.nan, "nan"),
         ("max_state_age", -1.0, "-1.0"),
         ("tangential_restitution", -1.5, "-1.5"),
         ("tolerance", math.inf, "inf"),

@@ -442,6 +442,17 @@ class TestReport:
             "what Routh's paths are integrated to; the floor that moves does work, and is left out"
         )
 
+    def test_energies_that_are_lost_add_up_upwards(self, recording):
+        request = Body.dynamic(2.0, velocity=(0, 0, -3)), Body.static(), Contact.of((0, 0, 0), (0, 0, 1), 0.5)
+        one = ImpactModel()
+        path = recording([Record(2, i, "a", "b", *request, one, resolve(*request, one)) for i in range(1, 4)])
+        assert main(["report", str(path)]) == 0
+        first, second, third = re.search(
+            r'<polyline points="\S+,(\S+) \S+,(\S+) \S+,(\S+)"', path.with_suffix(".html").read_text()
+        ).groups()
+        assert float(first) - float(second) == pytest.approx(float(second) - float(third), abs=0.2)
+        assert float(second) > float(third)
+
     def test_the_page_needs_no_other_file_and_shows_every_impact(self, all_kinds):
         assert main(["report", str(all_kinds)]) == 0
         text = all_kinds.with_suffix(".html").read_text(encoding="utf-8")

@@ -22,6 +22,7 @@ from rerun.chunk import RrdReader
 from collision_response import Body, Contact, ImpactModel, Vec3, resolve, resolve_scene
 from collision_response.physics.tensor import Symmetric3
 from collision_response.recording import BodyRecord, Gap, Record, Recorder, Refusal, SceneRecord
+from collision_response.recording import colours
 from collision_response.recording.viewer_layout import PLOTS
 from collision_response.recording.writer import Recording, Writer
 
@@ -60,6 +61,9 @@ def test_an_impact_is_drawn_where_it_was(tmp_path):
         assert all(row[2] == [pytest.approx(one, rel=1e-6) for one in value] for row in rows), entity
     labels = [value for _, _, value in read(path, "/world/impulse", "Arrows3D:labels")]
     assert labels == [["9 N s"], ["9 N s"]]
+    ((drawn_in,),) = read(path, r"/world/velocities/ball\/1", "Arrows3D:colors", timelines=())
+    of_arrows = colours.AFTER, colours.SPIN_AFTER, colours.BEFORE, colours.SPIN_BEFORE
+    assert drawn_in == [red << 24 | green << 16 | blue << 8 | 255 for red, green, blue in of_arrows]
     # a body is there from its first appearance on, not before
     for component, value in ("Points3D:positions", [[0.0, 0.0, 0.0]]), ("Ellipsoids3D:half_sizes", None):
         rows = read(path, r"/world/bodies/ball\/1", component)

@@ -376,9 +376,11 @@ def change(request, case):
 @pytest.mark.parametrize("case", REFUSALS, ids=lambda case: f"{case.code.name}-{case.says[:12]}")
 def test_a_refusal_names_the_body_or_the_contact(shared_node, case):
     request = request_of(*FLAT_BOX)
+    request.header.frame_id, request.header.stamp.sec = "map", 7
     change(request, case)
     response = shared_node.call(request)
     assert not response.success
+    assert response.result.header == request.header
     assert StatusCode(response.result.status.code) is case.code, response.result.status.message
     assert response.result.status.message.startswith(case.says), response.result.status.message
     assert response.result.error_bound == -1.0

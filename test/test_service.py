@@ -171,6 +171,9 @@ REFUSALS = [
     Refused(
         StatusCode.UNKNOWN_BODY, {"body_a.name": "cup", "contact.body_a": "dish"}, "contact.body_a", "'dish'"
     ),
+    Refused(
+        StatusCode.UNKNOWN_BODY, {"body_b.name": "dish", "contact.body_b": "cup"}, "contact.body_b", "'cup'"
+    ),
     Refused(StatusCode.SAME_BODY, {"body_a.name": "x", "contact.body_b": "x"}, "contact.body_b", "'x'"),
     Refused(StatusCode.SAME_BODY, {"contact.body_a": "x", "contact.body_b": "x"}, "contact.body_b", "'x'"),
     Refused(StatusCode.SAME_BODY, {"body_a.name": "cup", "body_b.name": "cup"}, "body_b.name", "'cup'"),

@@ -476,6 +476,9 @@ def test_an_answer_says_where_its_coefficients_came_from(graph):
     request.body_a.friction = 0.5
     result = graph.call(request).result
     assert (result.restitution_from, result.friction_from) == (result.FROM_BODIES, result.FROM_PARAMETER)
+    request.body_a.restitution = 0.0  # is a coefficient, too
+    assert graph.call(request).result.restitution_from == result.FROM_BODIES
+    request.body_a.restitution = 0.5
     one_sided = "only one of two bodies has a coefficient of friction"
     wait_until(lambda: any(text.startswith(one_sided) for text in logged))
     graph.call(request)

@@ -233,12 +233,8 @@ def _coefficient(
     return Coefficient(getattr(parameters, field), CollisionResult.FROM_PARAMETER, "")
 
 
-@lru_cache(maxsize=64)
 def _with_pair(model: ImpactModel, pair: Pair) -> ImpactModel:
-    """Set what a pair of materials says about the model.
-
-    Cached, because the core finds the plan of a model by the model's identity.
-    """
+    """Set what a pair of materials says about the model."""
     of_pair = {name: x for name, x in pair._asdict().items() if name in ImpactModel._fields and x is not None}
     return model._replace(**of_pair)
 
@@ -253,7 +249,7 @@ def model_of(message: ImpactModelMessage, defaults: ImpactModel) -> ImpactModel:
 
 @lru_cache(maxsize=64)
 def _model(fields: tuple[Any, ...], defaults: ImpactModel) -> ImpactModel:
-    """Return the model of these fields. Cached, because the core finds its plan by the model's identity."""
+    """Return the model of these fields. Cached, because most requests have the same."""
     given = dict(zip(ImpactModel._fields, fields, strict=True))
     for field, kind in ENUMERATIONS.items():
         with suppress(ValueError):
