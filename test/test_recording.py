@@ -21,8 +21,7 @@ from rerun.chunk import RrdReader
 
 from collision_response import Body, Contact, ImpactModel, Vec3, resolve, resolve_scene
 from collision_response.physics.tensor import Symmetric3
-from collision_response.recording import BodyRecord, Gap, Record, Recorder, Refusal, SceneRecord
-from collision_response.recording import colours
+from collision_response.recording import BodyRecord, Gap, Record, Recorder, Refusal, SceneRecord, colours
 from collision_response.recording.viewer_layout import PLOTS
 from collision_response.recording.writer import Recording, Writer
 
