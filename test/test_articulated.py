@@ -102,6 +102,10 @@ def test_an_arm_strikes_a_ball(name):
     assert change == pytest.approx(lost, abs=DIGITS)
     assert impact.energy_lost_restitution + impact.energy_lost_friction == pytest.approx(-lost, abs=DIGITS)
     assert impact.adjustments == Adjustment.ENERGY_CHANGE_ONLY
+    by_python = resolve(
+        tip(), ball(), Contact.of(ARM.tip, NORMAL, 0.7, friction), ImpactModel(law, tolerance=1e-17)
+    )
+    assert by_python.adjustments == Adjustment.ENERGY_CHANGE_ONLY
     assert impact.error_bound < 1e-12
     # the energies of the joints and of the ball, computed without this package
     after, spin = joints_after(impact.impulse), np.array(impact.twist_b.angular)

@@ -724,9 +724,16 @@ def test_a_result_that_is_changed_changes_no_other():
 
 
 def test_a_contact_with_its_own_tangential_restitution_overrides_the_model():
-    model = ImpactModel(Law.COULOMB, tangential_restitution=0.7)
-    own = differentiate(BODY_A, BODY_B, CONTACT._replace(tangential_restitution=0.7))
-    assert np.array_equal(own.jacobian, differentiate(BODY_A, BODY_B, CONTACT, model).jacobian)
+    model, plain = (
+        ImpactModel(Law.COULOMB, tangential_restitution=0.7),
+        CONTACT._replace(friction=2.0),
+    )  # sticks
+    contact = plain._replace(tangential_restitution=0.7)
+    of_model = differentiate(BODY_A, BODY_B, plain, model)
+    assert not np.array_equal(of_model.jacobian, differentiate(BODY_A, BODY_B, plain).jacobian)
+    assert np.array_equal(differentiate(BODY_A, BODY_B, contact).jacobian, of_model.jacobian)
+    some = differentiate(BODY_A, BODY_B, contact, with_respect_to=["contact.friction", "body_a.velocity"])
+    assert np.array_equal(some.of("impulse", "body_a.velocity"), of_model.of("impulse", "body_a.velocity"))
 
 
 def test_places_cover_all_rows_and_columns():

@@ -138,6 +138,11 @@ def test_links_of_an_sdf_are_placed_in_the_model():
     assert tuple(found.inertia) == pytest.approx((2.5, 0, -0.5, 3.0, 0, 2.0), abs=ROUNDING)
 
 
+def test_a_link_of_an_sdf_without_an_inertial_has_the_defaults_of_the_format():
+    found = body_of(sdf("<link name='a'/>"), "a")
+    assert (found.mass, tuple(found.com), tuple(found.inertia)) == (1.0, (0, 0, 0), (1, 0, 0, 1, 0, 1))
+
+
 def test_sdf_poses_may_be_relative_to_frames_and_joints():
     text = sdf(
         "<frame name='f' attached_to='a'><pose>1 0 0 0 0 0</pose></frame>",

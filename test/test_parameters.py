@@ -81,6 +81,8 @@ def test_parameters_have_defaults_descriptions_and_limits(shared_node):
         ("friction", 1e300, "1e+300"),
         ("shutdown_timeout", 1e10, "10000000000.0"),
         ("budget.contacts", 0, "0"),
+        ("budget.scene_contacts", 4097, "4097"),
+        ("max_state_wait", 61.0, "61.0"),
         ("max_bodies", 5, "read-only"),
         ("law", "coulomp", "frictionless, coulomb"),
         ("geometry", "flat", "point, planar, spatial"),
@@ -97,6 +99,15 @@ def test_invalid_values_are_refused_with_the_reason(shared_node, name, value, re
     assert not outcome.successful
     assert reason in outcome.reason
     assert node.get_parameter(name).value == DEFAULTS[name]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("tangential_restitution", -1.0), ("budget.scene_contacts", 4096), ("max_state_wait", 60.0)],
+)
+def test_ranges_include_their_ends(graph, name, value):
+    (outcome,) = graph.serve().set_parameters([Parameter(name, value=value)])
+    assert outcome.successful
 
 
 def test_a_new_value_applies_from_the_next_answer(graph):

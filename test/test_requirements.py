@@ -333,6 +333,13 @@ def test_a_tolerance_that_nothing_meets_requires_extended(tolerance):
     assert scene_requirements(BODIES, [RUBBING], tolerance).precision.least is Precision.EXTENDED
 
 
+def test_a_tolerance_below_rounding_asks_for_digits_and_nothing_else():
+    needs = scene_requirements(
+        BODIES, [SceneContact("ball", "ground", Contact.of((0, 0, 0), (0, 0, 1), 0.3))], 1e-17
+    )
+    assert (needs.law.least, needs.geometry.least) == (Law.FRICTIONLESS, Geometry.POINT)
+
+
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-9])
 @pytest.mark.parametrize(
     ("third", "least"), [(1 / 3, Precision.EXTENDED), (Fraction(1, 3), Precision.SINGLE)]

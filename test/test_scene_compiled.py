@@ -7,17 +7,20 @@ from threading import Lock, Thread
 
 import numpy as np
 import pytest
+from random_impacts import RandomImpacts
 from scene_cases import Scene, any_scene, box, row_of_balls
 
 from collision_response import (
     Body,
     Contact,
     Geometry,
+    ImpactError,
     ImpactModel,
     Law,
     Precision,
     StatusCode,
     Twist,
+    resolve,
     resolve_scene,
 )
 from collision_response.kernels import library
@@ -114,6 +117,42 @@ def test_clusters_of_one_contact(both, law, name, options):
     assert one is not None
     assert one == other
     assert (one.status, one.model) == (other.status, other.model)
+
+
+@pytest.mark.parametrize("precision", [Precision.AUTO, Precision.EXTENDED])
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+def test_one_contact_is_as_exact_as_by_resolve(law, precision):
+    """The wilder the magnitudes, the more digits it takes."""
+    model, impacts = ImpactModel(law, precision=precision), RandomImpacts(f"{law.name}", 10.0)
+    compared = 0
+    while compared < 150:
+        a, b, contact = impacts.collision()
+        try:
+            alone = resolve(a, b, contact, model)
+        except ImpactError:
+            continue
+        answer = resolve_scene([a, b], [(0, 1)], [contact], model)
+        assert (answer.status, answer.model, answer.error_bound) == (
+            alone.status,
+            alone.model,
+            alone.error_bound,
+        )
+        assert (answer.impulses[0], answer.twists) == (alone.impulse, (alone.twist_a, alone.twist_b))
+        compared += 1
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_the_geometry_is_the_greatest_of_all_clusters(order):
+    ball, floor, model = (
+        Body.sphere(1.0, 0.5, velocity=(0, 0, -1)),
+        Body.static(),
+        ImpactModel(Law.FRICTIONLESS),
+    )
+    contacts = Contact.of((0, 0, -0.5), GROUND, 0.5), Contact.of((0.3, 0.1, -0.4), GROUND, 0.5)
+    alone = [resolve(ball, floor, contact, model).model.geometry for contact in contacts]
+    assert alone == [Geometry.POINT, Geometry.SPATIAL]
+    answer = resolve_scene([ball, ball, floor], [(0, 2), (1, 2)], contacts[::order], model)
+    assert answer.model.geometry is Geometry.SPATIAL
 
 
 @pytest.mark.parametrize("law", Law)

@@ -209,6 +209,25 @@ def test_models_for_one_contact_are_refused_for_several(model, field):
         resolve_scene(*box(), model)
 
 
+def test_slip_out_of_the_plane_matters_only_with_friction():
+    slides = Body.box(1.0, (1, 1, 1), velocity=(0, -1, 0.7))
+    model = ImpactModel(Law.COULOMB, Geometry.PLANAR)
+
+    def touches(mu: float) -> list[Contact]:
+        return [Contact.of((x, -0.5, 0), (0, 1, 0), 0.5, mu) for x in (-0.5, 0.5)]
+
+    with refused(StatusCode.INVALID_MODEL, "model.geometry"):
+        resolve_scene([slides, FLOOR], [(0, 1)] * 2, touches(0.3), model)
+    still = slides._replace(velocity=Vec3(0, -1, 0))
+    assert resolve_scene([still, FLOOR], [(0, 1)] * 2, touches(0.3), model).status is StatusCode.OK
+
+
+def test_a_copy_keeps_its_own_tangential_restitution():
+    given = [UP._replace(tangential_restitution=e_t) for e_t in (0.0, None)]
+    answer = resolve_scene([BALL, FLOOR], [(0, 1)] * 2, given)
+    assert [contact.tangential_restitution for contact in answer.contacts] == [0.0, None]
+
+
 @pytest.mark.parametrize(
     ("option", "field"),
     [
@@ -582,6 +601,7 @@ def test_the_answer_reports_what_was_modelled():
 
 def test_order_sensitivity_is_positive_for_a_box_and_zero_for_a_ball():
     assert box().resolve(options={"orders": 4}).order_sensitivity > 0.3
+    assert box().resolve(options={"orders": 2}).order_sensitivity > 0.3
     assert resolve_scene([BALL, FLOOR], [(0, 1)], [UP], orders=4).order_sensitivity == 0
     assert box().resolve().order_sensitivity is None
     assert row_of_balls((1, 0, 0), number=float).resolve(options={"orders": 4}).order_sensitivity == 0

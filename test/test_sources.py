@@ -115,6 +115,8 @@ def test_what_is_not_finite_is_refused(wrong):
             from_odometry(broken, MATTER)
     with pytest.raises(ValueError, match="position and twist must be finite"):
         from_transforms(transform(1.0), transform(1.5, (0, wrong, 0)), MATTER)
+    with pytest.raises(ValueError, match="position and twist must be finite"):
+        from_transforms(transform(1.0, (0, wrong, 0)), transform(1.5), MATTER)
 
 
 @pytest.mark.parametrize("signs", [(1, 1), (1, -1), (-1, 1)])
@@ -208,6 +210,15 @@ def test_a_description_may_be_a_file_and_the_body_have_another_name(graph, start
     odom = graph.publisher(Odometry, "odom")
     wait_until(lambda: odom.publish(odometry(child="box/link")) or start.heard)
     assert (start.heard[0].name, start.heard[0].inertia.m) == ("crate", 3.0)
+
+
+def test_another_description_has_other_masses(start):
+    source = start()
+    for mass in ("9", "10"):
+        source._on_description(String(data=ROBOT.replace('<mass value="9"/>', f'<mass value="{mass}"/>')))
+        source._on_odometry(odometry(child="base_link"))
+    wait_until(lambda: len(start.heard) == 2)
+    assert start.heard[1].inertia.m == start.heard[0].inertia.m + 1
 
 
 def test_each_omitted_body_is_named(graph, start):

@@ -486,3 +486,16 @@ def test_an_answer_says_where_its_coefficients_came_from(graph):
     graph.call(request)
     wait_until(lambda: any("coefficient of restitution" in text for text in logged))
     assert sum("coefficient of friction" in text for text in logged) == 1
+
+
+def test_a_coefficient_that_no_body_has_is_no_reason_to_warn(graph):
+    logged = graph.log()
+    graph.serve()
+    request = balls_meet()
+    request.contact.restitution = request.contact.friction = -1.0
+    result = graph.call(request).result
+    assert (result.restitution_from, result.friction_from) == (result.FROM_PARAMETER, result.FROM_PARAMETER)
+    request.body_a.friction = 0.5
+    graph.call(request)
+    wait_until(lambda: any("coefficient of friction" in text for text in logged))
+    assert not any("coefficient of restitution" in text for text in logged)
