@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import shutil
 import subprocess
 import sys
@@ -437,6 +438,40 @@ def test_entries_beyond_the_queue_are_dropped_and_counted(tmp_path, monkeypatch)
     assert [entry.sequence for entry in written[:5]] == [1, 2, 3, 4, 5]
     assert written[5:] == [Gap(stamp=5_000_000_001, sequence=5, missing=15)]
     assert problems[1:] == [f"recording {recorder.path} lacks 15 entries, which came too fast"]
+
+
+def test_each_gap_counts_its_own_entries(tmp_path, monkeypatch):
+    written, turns = [], [(threading.Event(), threading.Event()) for _ in range(2)]
+    waiting = iter(turns)
+
+    def write(batch):
+        written.extend(batch)
+        for reached, go_on in itertools.islice(waiting, 1):
+            reached.set()
+            assert go_on.wait(DEADLINE)
+
+    class SlowWriter:
+        def __init__(self, path, recording):
+            pass
+
+        def __enter__(self):
+            return SimpleNamespace(write=write, file=FILE)
+
+        def __exit__(self, *_):
+            pass
+
+    monkeypatch.setattr("collision_response.recording.recorder.INTERVAL", 0.0)
+    monkeypatch.setattr("collision_response.recording.writer.Writer", SlowWriter)
+    recorder = Recorder(tmp_path, lambda _: None, capacity=5)
+    recorder.add(impact(1))
+    for (reached, go_on), sequences in zip(turns, (range(2, 10), range(10, 20)), strict=True):
+        assert reached.wait(DEADLINE)
+        for sequence in sequences:
+            recorder.add(impact(sequence))
+        go_on.set()
+    recorder.close()
+    assert recorder.dropped == 8
+    assert [entry.missing for entry in written if isinstance(entry, Gap)] == [3, 5]
 
 
 def test_a_gap_is_described_in_the_log(tmp_path):
