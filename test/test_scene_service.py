@@ -272,6 +272,22 @@ def test_coefficients_that_combine_beyond_float64_are_refused_by_name(graph, tmp
     assert status.message == f"contacts[0].friction: {rule}: ice has 1e+200, ice has 1e+200"
 
 
+@pytest.mark.parametrize("wrong", [0, 1])
+def test_a_coefficient_of_a_body_is_refused_under_its_name(graph, wrong):
+    graph.serve()
+    states = graph.publisher(BodyState, "body_states")
+    for i, body in enumerate((CUBE, Body.static())):
+        state = state_of(body)
+        state.name, state.header.stamp.sec, state.restitution = f"body {i}", 1, 2.0 if i == wrong else 0.5
+        states.publish(state)
+    contact = CONTACTS[0]._replace(restitution=-1.0)
+    request = request_of([], [(0, 1)], [contact], ["body 0", "body 1"])
+    request.not_before.sec = 1
+    status = graph.call(request).result.status
+    assert status.code == StatusCode.INVALID_COEFFICIENT
+    assert status.message.startswith(f"names[{wrong}].restitution: must be"), status.message
+
+
 def test_pairs_of_materials_apply_in_scenes(graph, tmp_path):
     """A single contact uses the tangential restitution of its pair; a cluster of two refuses it by name."""
     file = tmp_path / "materials.yaml"
@@ -324,6 +340,8 @@ def test_pairs_of_materials_apply_in_scenes(graph, tmp_path):
         "model.stiffness_ratio: must be given in a scene: the materials of contacts[0] have 0.5"
     )
     assert ask([(0, 2)], law=Law.COMPLIANT, stiffness_ratio=1.0).status.code == StatusCode.OK
+    with_own = ask([(1, 2)], law=Law.COMPLIANT, stiffness_ratio=1.0)
+    assert with_own.status.message.startswith("contacts[0].friction: COMPLIANT takes no friction that depends")
     by_speed = ask([(0, 2), (1, 2)], law=Law.ROUTH_STRONGE)
     assert by_speed.status.message.startswith(
         "contacts[1].friction: depends on slip speed, which ROUTH_STRONGE"
