@@ -341,7 +341,9 @@ def test_pairs_of_materials_apply_in_scenes(graph, tmp_path):
     )
     assert ask([(0, 2)], law=Law.COMPLIANT, stiffness_ratio=1.0).status.code == StatusCode.OK
     with_own = ask([(1, 2)], law=Law.COMPLIANT, stiffness_ratio=1.0)
-    assert with_own.status.message.startswith("contacts[0].friction: COMPLIANT takes no friction that depends")
+    assert with_own.status.message.startswith(
+        "contacts[0].friction: COMPLIANT takes no friction that depends"
+    )
     by_speed = ask([(0, 2), (1, 2)], law=Law.ROUTH_STRONGE)
     assert by_speed.status.message.startswith(
         "contacts[1].friction: depends on slip speed, which ROUTH_STRONGE"
