@@ -218,7 +218,8 @@ def _first_precision(precision: Precision, tolerance: float) -> Precision:
 def _target_bound(precision: Precision, limit: float) -> float:
     if precision is Precision.EXTENDED:
         return min(limit, ULP)
-    return USEFUL_BOUND if precision is Precision.AUTO and limit == LARGEST_BOUND else limit
+    has_tolerance = limit < LARGEST_BOUND
+    return USEFUL_BOUND if precision is Precision.AUTO and not has_tolerance else limit
 
 
 def _conversion_error(x: float, given: Any) -> float:

@@ -172,7 +172,7 @@ def plot(file: str) -> None:
     above.set_ylabel("height of one ball [m]")
     below.set_yscale("log")
     below.axhline(6, color="0.6", lw=1)
-    below.set_ylabel("squared error / covariance; 6 is right")
+    below.set_ylabel("squared error / covariance\n(6 is right)")
     below.set_xlabel("time [s]")
     below.legend()
     figure.savefig(file, dpi=110)

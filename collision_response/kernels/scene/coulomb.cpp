@@ -187,23 +187,24 @@ struct LeastWork {
   // face keep each other's velocities, in several ways: what one would do by pulling, others may do by pressing.
   double pull_of(const Cones<double>& programme) const {
     constexpr double HARD = 1e9;
+    auto is_loaded = [&](size_t k) { return programme.P[k][0] > 0; };
+    bool do_pull = false;
+    for (size_t k = 0; k < loaded.size(); ++k)
+      do_pull = do_pull || (!is_loaded(k) && programme.keeping(k) < -LEAST_PULL);
+    if (!do_pull) return 0;
     Cones<double> pressing(assembly.body_count);
     Vector effect(6 * static_cast<size_t>(assembly.body_count));
-    bool do_pull = false;
     for (size_t k = 0; k < loaded.size(); ++k) {
       Cone<double> cone = programme.cones[k];
-      const bool is_loaded = programme.P[k][0] > 0;
-      do_pull = do_pull || (!is_loaded && programme.keeping(k) < -LEAST_PULL);
       cone.add_effect({programme.keeping(k), 0, 0}, effect);
       cone.mu = 0;
       cone.part = 1;
       pressing.cones.push_back(cone);
-      if (!is_loaded) continue;  // a contact with a load may also press less
+      if (!is_loaded(k)) continue;  // a contact with a load may also press less
       for (auto& side : cone.row)
         for (double& one : side[0]) one = -one;
       pressing.cones.push_back(cone);
     }
-    if (!do_pull) return 0;
     pressing.aim_at(effect);
     pressing.prepare();
     pressing.solve_from_zero(HARD);

@@ -194,10 +194,11 @@ struct Works {
     const bool is_bounded = effect.error_bound < INFINITY;
     const double greatest =
         energies[ENERGY_BEFORE] * (1 + 0x1p-40) + (is_bounded ? by_error * impulse_unit * speed_unit : 0);
-    const bool grows = !applied.assembly.has_moving_wall && energies[ENERGY_AFTER] > greatest;
-    effect.creates_energy = loss < -by_rounding || (grows && is_bounded);
-    effect.is_unphysical = effect.is_unphysical || gains || (grows && is_bounded);
-    effect.lacks_digits = grows && !is_bounded;
+    const bool exceeds = !applied.assembly.has_moving_wall && energies[ENERGY_AFTER] > greatest;
+    const bool grows = exceeds && is_bounded;
+    effect.creates_energy = loss < -by_rounding || grows;
+    effect.is_unphysical = effect.is_unphysical || gains || grows;
+    effect.lacks_digits = exceeds && !is_bounded;
     const double to_restitution = gains ? lost_restitution : std::fmax(lost_restitution, -lost_friction);
     energies[LOST_TO_RESTITUTION] = to_restitution * impulse_unit * speed_unit;
     energies[LOST_TO_FRICTION] = lost_friction * impulse_unit * speed_unit;

@@ -163,7 +163,7 @@ Vector loads_nearby(const Assembly& assembly, const Vector& loads) {
 // decide nothing but how friction is spread. nearest(target) gives the loads of the same effect that are nearest to a target.
 template <class Nearest>
 Vector possible_loads(const Assembly& assembly, Vector loads, double least, const Nearest& nearest) {
-  constexpr double FAR = 100;  // loads that no contact has, relative to the greatest: this draws contacts towards some
+  constexpr double FAR = 100;  // a target beyond any load, relative to the greatest
   const std::vector<AssembledContact>& contacts = assembly.contacts;
   const double greatest = greatest_of(loads), limit = least * greatest;
   auto may_share = [&](int i) {
@@ -171,20 +171,20 @@ Vector possible_loads(const Assembly& assembly, Vector loads, double least, cons
       if (loads[j] > limit && contacts[i].mu == contacts[j].mu && are_parallel(contacts[i], contacts[j])) return true;
     return false;
   };
-  for (bool is_more = greatest > 0; is_more;) {
+  for (;;) {
     Vector target(assembly.count);
     for (int i = 0; i < assembly.count; ++i)
       if (!(loads[i] > limit) && may_share(i)) target[i] = FAR * greatest;
-    is_more = false;
-    if (!(greatest_of(target) > 0)) break;
+    if (!(greatest_of(target) > 0)) return loads;
     const Vector other = nearest(target);
+    bool is_more = false;
     for (int i = 0; i < assembly.count; ++i)
       if (target[i] > 0 && other[i] > 2 * limit) {
         loads[i] = other[i] / 2;
         is_more = true;
       }
+    if (!is_more) return loads;
   }
-  return loads;
 }
 
 }  // namespace
@@ -237,8 +237,8 @@ SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p) {
   std::optional<RoundedLoads> rounded;  // found if needed
   Vector nearly_shared, nearly_possible, shared_nearby;  // the same
   for (int i = 0; i < count; ++i) {
-    const double exactly = std::fmax(loads[i], possible[i]) / std::fmax(nearby[i], no_load);
-    double part = exactly > SMALL && given[i] > no_load;
+    const double exactly = possible[i] / std::fmax(nearby[i], no_load);
+    double part = exactly > SMALL && possible[i] > no_load;
     if (exactly < NEVER_ROUNDING && loads[i] > 0 && is_independent(i)) {
       if (!rounded) rounded.emplace(assembly);
       part = rounded->part_of(i, loads[i] / greatest);
