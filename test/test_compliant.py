@@ -8,6 +8,9 @@ from itertools import product
 
 import numpy as np
 import pytest
+
+pytest.importorskip("mpmath")
+
 from batch_cases import batch_of
 from mpmath import mp
 from oracle.springs import springs

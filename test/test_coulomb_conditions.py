@@ -9,6 +9,9 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import pytest
+
+pytest.importorskip("mpmath")
+
 from mpmath import mp, mpf
 from scene_cases import Scene, distance, distance_of_changes, shuffled
 
