@@ -17,8 +17,7 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
-from functools import lru_cache
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from . import validity
 from .answer import Impact, relative_difference, status_by_regime
@@ -158,7 +157,7 @@ def _resolve_with_threshold_decided(
     approach = exact_fractions.resolve(body_a, body_b, contact._replace(friction=0.0), model)
     is_below = Adjustment.RESTITUTION_THRESHOLD in approach.adjustments
     used = contact._replace(restitution=0.0) if is_below else contact
-    impact = resolve(body_a, body_b, used, _changed(model, restitution_threshold=0.0))
+    impact = resolve(body_a, body_b, used, model._replace(restitution_threshold=0.0))
     return impact._replace(
         model=impact.model._replace(restitution_threshold=model.restitution_threshold),
         adjustments=impact.adjustments | (is_below * Adjustment.RESTITUTION_THRESHOLD),
@@ -174,7 +173,7 @@ def _resolve_with_own_coefficients(
         number = check_number("contact.tangential_restitution", e_t, -1, 1, StatusCode.INVALID_COEFFICIENT)
         e_t = number if e_t.__hash__ is None else e_t  # an array of one number
         contact = contact._replace(tangential_restitution=None)
-        impact = resolve(body_a, body_b, contact, _changed(model, tangential_restitution=e_t))
+        impact = resolve(body_a, body_b, contact, model._replace(tangential_restitution=e_t))
         return impact._replace(contact=impact.contact._replace(tangential_restitution=e_t))
     contact = _with_initial_coefficients(body_a, body_b, contact, model)
     if not callable(contact.friction):
@@ -185,25 +184,9 @@ def _resolve_with_own_coefficients(
     if not (body_a.is_articulated() or body_b.is_articulated()):
         return _resolve_reduced(body_a, body_b, contact, model)
     first = initial_friction(body_a, body_b, contact, Law.COULOMB)
-    coulomb = _changed(model, law=Law.COULOMB)
+    coulomb = model._replace(law=Law.COULOMB)
     impact = resolve(body_a, body_b, contact._replace(friction=first), coulomb)
     return impact._replace(adjustments=impact.adjustments | Adjustment.LAW_FALLBACK)
-
-
-def _changed(model: ImpactModel, **fields: Any) -> ImpactModel:
-    """Return the model with other values of some fields.
-
-    Cached, because the kernels look up the plan of a model by the identity of the model.
-    """
-    try:
-        return _recently_changed(model, tuple(fields.items()))
-    except TypeError:  # a number of the model is an array of one number, which has no hash
-        return model._replace(**fields)
-
-
-@lru_cache(maxsize=64)
-def _recently_changed(model: ImpactModel, fields: tuple[tuple[str, Any], ...]) -> ImpactModel:
-    return model._replace(**dict(fields))
 
 
 def _with_initial_coefficients(body_a: Body, body_b: Body, contact: Contact, model: ImpactModel) -> Contact:
@@ -240,7 +223,7 @@ def _resolve_reduced(body_a: Body, body_b: Body, contact: Contact, model: Impact
     if geometry is Geometry.PLANAR and not (contact.normal[0] or contact.normal[1]):
         reason = f"must not be along z in the geometry PLANAR; is {tuple(contact.normal)}"
         raise ImpactError(StatusCode.INVALID_NORMAL, "contact.normal", reason)
-    full = resolve(body_a, body_b, contact, _changed(model, geometry=Geometry.SPATIAL))
+    full = resolve(body_a, body_b, contact, model._replace(geometry=Geometry.SPATIAL))
     body_a, body_b, _ = read_request(body_a, body_b, contact)
     reduced_a, reduced_b = (reduce_body(body, geometry) for body in (body_a, body_b))
     reduced = resolve(reduced_a, reduced_b, reduce_contact(contact, geometry), model)

@@ -115,8 +115,8 @@ PyGetSetDef fields[] = {{"is_locked", get_is_locked, nullptr, "", nullptr},
                         {}};
 PyType_Slot slots[] = {
     {Py_tp_dealloc, reinterpret_cast<void*>(dealloc)}, {Py_tp_methods, methods}, {Py_tp_getset, fields}, {}};
-PyType_Spec spec = {"collision_response.kernels._compiled.Cluster", sizeof(ClusterObject), 0, Py_TPFLAGS_DEFAULT,
-                    slots};
+PyType_Spec spec = {"collision_response.kernels._compiled.Cluster", sizeof(ClusterObject), 0,
+                    Py_TPFLAGS_DEFAULT | Py_TPFLAGS_DISALLOW_INSTANTIATION, slots};
 
 }  // namespace
 

@@ -20,7 +20,7 @@ struct CachedPlan {
 };
 constexpr int CACHE_SIZE = 8;
 inline CachedPlan cached_plans[CACHE_SIZE];
-inline int next_plan;
+inline unsigned next_plan;
 
 // Whether two models have the same fields: a new model in every call then costs no new plan. Nothing is converted or
 // compared by Python, so numbers that are not floats must be the same objects.

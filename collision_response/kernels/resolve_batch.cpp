@@ -98,18 +98,14 @@ struct BatchArrays {
     return valid;
   }
 
-  // Whether a result overlaps the tables.
-  bool overwrite_tables() const {
-    for (const Array* input : {&bodies, &pairs, &contacts})
-      for (const Array& written : result)
-        if (input->overlaps(written)) return true;
-    return false;
-  }
-  // Whether results overlap each other.
-  bool overwrite_results() const {
-    for (const Array& one : result)
+  // Whether a result overlaps another one, or a table.
+  bool overlap() const {
+    for (const Array& one : result) {
       for (const Array* other = result; other != &one; ++other)
         if (one.overlaps(*other)) return true;
+      for (const Array* table : {&bodies, &pairs, &contacts})
+        if (one.overlaps(*table)) return true;
+    }
     return false;
   }
 
@@ -169,8 +165,8 @@ struct BatchArrays {
 // batch(law, layout, number_type, bodies, pairs, contacts, settings, results, from, to): compute the columns from
 // `from` to `to`. settings holds the numbers of Settings, in the type of the tables; results is a BatchResult. Returns
 // the greatest status and the greatest error bound (infinite if one is NaN); or None if an array is not contiguous, or
-// not of the right type and shape, or if results overlap, for which resolve_batch.py then raises. Raises ValueError if
-// results overlap the tables. Releases the GIL.
+// not of the right type and shape, or if results overlap each other or the tables, for which resolve_batch.py then
+// raises. Releases the GIL.
 PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 10 || !PyTuple_Check(args[7]) || PyTuple_GET_SIZE(args[7]) != FIELDS)
     return PyErr_Format(PyExc_TypeError, "batch() takes 10 arguments");
@@ -182,9 +178,8 @@ PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
   BatchArrays arrays;
   if (!arrays.open(args + 3, args[7]) ||
       !arrays.are_valid(table, number_type == NUMBER_BOUNDED || number_type == NUMBER_EXTENDED) ||
-      arrays.overwrite_results())
+      arrays.overlap())
     Py_RETURN_NONE;
-  if (arrays.overwrite_tables()) return PyErr_Format(PyExc_ValueError, "out: overlaps the input");
   const auto found = find_batch_kernel(law, layout, number_type);
   if (!found) return PyErr_Format(PyExc_LookupError, "no kernel of law %d for numbers of kind %d", law, number_type);
 

@@ -268,12 +268,14 @@ struct FreeTuple {
 };
 using Tuple = std::unique_ptr<PyObject, FreeTuple>;
 
-// Whether an object is a fraction, or a tuple or list that contains one.
-bool holds_fraction(PyObject* o) {
+constexpr int BODY_IN_LIST = 3;  // levels: the bodies, one of them, a vector of it
+
+// Whether an object is a fraction, or a tuple or list that contains one within some levels. A list may contain itself.
+bool holds_fraction(PyObject* o, int levels = BODY_IN_LIST) {
   if (PyFloat_CheckExact(o) || o == Py_None) return false;
   if (PyTuple_Check(o) || PyList_Check(o)) {
-    for (Py_ssize_t i = 0; i < PySequence_Fast_GET_SIZE(o); ++i)
-      if (holds_fraction(PySequence_Fast_GET_ITEM(o, i))) return true;
+    for (Py_ssize_t i = 0; levels > 0 && i < PySequence_Fast_GET_SIZE(o); ++i)
+      if (holds_fraction(PySequence_Fast_GET_ITEM(o, i), levels - 1)) return true;
     return false;
   }
   return PyObject_TypeCheck(o, python.fraction);
@@ -298,7 +300,7 @@ PyObject* resolve_scene(PyObject*, PyObject* const* args, Py_ssize_t count) {
     if (!PyList_Check(args[i]) && !PyTuple_Check(args[i]) && !is_array_of_pairs) Py_RETURN_NONE;
     lists[i].reset(PySequence_Tuple(args[i]));
     if (!lists[i]) {
-      left_to_python();
+      clear_type_error();
       return none_unless_error();
     }
   }

@@ -20,7 +20,7 @@ from ..status import ImpactError, StatusCode
 from .copies import DistinctContacts
 from .find_clusters import Pair
 from .rational_cluster import RationalCluster
-from .request import ContactIndices, SceneOptions, SceneRequest, as_floats, check_contact, with_scene_names
+from .request import ContactIndices, SceneOptions, SceneRequest, as_floats, with_scene_names
 
 if TYPE_CHECKING:  # the documentation is built without compiled modules
     AnyCluster = library.Cluster | RationalCluster
@@ -58,23 +58,14 @@ class ClusterParts(NamedTuple):
         )
 
 
-class AssembledCluster(NamedTuple):
-    """A cluster that laws can be applied to.
+def assemble(
+    scene: SceneRequest, distinct: DistinctContacts, options: SceneOptions
+) -> tuple[AnyCluster, ClusterParts, bool]:
+    """Return the cluster of some contacts of a scene, to apply laws to.
 
-    Attributes:
-        cluster: the cluster.
-        parts: its bodies and contacts, with the numbers that are used: every coefficient is a number.
-        below_restitution_threshold: whether an approach is so slow that its restitution is taken as 0, or
-            as the least that the law can have.
-    """
-
-    cluster: AnyCluster
-    parts: ClusterParts
-    below_restitution_threshold: bool
-
-
-def assemble(scene: SceneRequest, distinct: DistinctContacts, options: SceneOptions) -> AssembledCluster:
-    """Return the cluster of some contacts of a scene.
+    Returns:
+        The cluster; its bodies and contacts, with a number for each coefficient; and whether an approach is
+        so slow that its restitution is taken as 0, or as the least that the law can have.
 
     Raises:
         ImpactError: if a body or a contact is invalid; ``field`` names it.
@@ -166,7 +157,7 @@ def _with_restitution_as_number(
 
 def _in_numbers_with_threshold(
     scene: SceneRequest, parts: ClusterParts, options: SceneOptions
-) -> AssembledCluster:
+) -> tuple[AnyCluster, ClusterParts, bool]:
     """Return the cluster, with the least restitution where an approach is below the restitution threshold.
 
     That needs the speeds: where there is such an approach, the cluster is assembled a second time.
@@ -174,15 +165,15 @@ def _in_numbers_with_threshold(
     cluster, parts = _in_numbers(scene, parts, options.exact)
     threshold, contacts = as_fraction(options.model.restitution_threshold), list(parts.contacts)
     if not threshold:
-        return AssembledCluster(cluster, parts, False)
+        return cluster, parts, False
     for i, is_below in enumerate(cluster.approaches_below(threshold)):
         e = contacts[i].restitution
         if e > 0 and (_approaches_below(parts.select([i]), threshold) if is_below is None else is_below):
             least = LEAST_SPRING_RESTITUTION if options.law is Law.ROUTH_STRONGE else e * 0
             contacts[i] = contacts[i]._replace(restitution=min(e, least))
     if contacts == parts.contacts:
-        return AssembledCluster(cluster, parts, False)
-    return AssembledCluster(*_in_numbers(scene, parts._replace(contacts=contacts), options.exact), True)
+        return cluster, parts, False
+    return *_in_numbers(scene, parts._replace(contacts=contacts), options.exact), True
 
 
 def _approaches_below(parts: ClusterParts, threshold: Fraction) -> bool:
@@ -225,7 +216,7 @@ def _in_numbers(scene: SceneRequest, parts: ClusterParts, exact: bool) -> tuple[
         if cluster:
             return cluster, parts
     for (a, b), contact, own in zip(parts.pairs, parts.contacts, indices, strict=True):
-        check_contact(parts.bodies[a], parts.bodies[b], contact, own)
+        with_scene_names(own, validity.check, parts.bodies[a], parts.bodies[b], contact, 0.0)
     if not exact:
         raise ImpactError(StatusCode.INTERNAL_ERROR, "contacts", "were refused for no known reason")
     return RationalCluster(*parts[:4]), parts

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple, TypeVar
 
-from .. import validity
 from ..arguments import as_list, check_count, check_number
 from ..in_python.request_numbers import read_request
 from ..kernels import library
@@ -166,11 +165,6 @@ def with_scene_names(indices: ContactIndices, function: Callable[..., T], *argum
         if text == str(error):  # it names no field: a function of the caller's raised it
             raise
         raise TypeError(text) from None
-
-
-def check_contact(body_a: Body, body_b: Body, contact: Contact, indices: ContactIndices) -> None:
-    """Check one contact and its bodies. Raises: ImpactError: if they are invalid."""
-    with_scene_names(indices, validity.check, body_a, body_b, contact, 0.0)
 
 
 def as_floats(

@@ -16,7 +16,7 @@ struct Reflections {
   const Assembly& assembly;
   bool is_fine = false;  // with bounds from the contacts that press in each projection, in double-double: slow
   std::optional<ProjectionBound<double>> projection_bound{};  // from the first projection on
-  // Long chains of impacts project the same contacts again and again.
+  // Light bodies between heavy ones project the same contacts again and again.
   std::map<std::vector<int>, std::vector<int>> last_active{};  // of each set of contacts, in its last projection
   std::map<std::vector<int>, ProjectionBound<DD>> fine_bounds{};  // by the contacts of the basis
 

@@ -6,10 +6,9 @@
 
 #include "read_request.hpp"
 
-// Clear a TypeError, which Python finds again. Other errors, such as Ctrl-C, stay set. Return false.
-inline bool left_to_python() {
+// Clear a TypeError, which Python finds again. Other errors, such as Ctrl-C, stay set.
+inline void clear_type_error() {
   if (PyErr_Occurred() && PyErr_ExceptionMatches(PyExc_TypeError)) PyErr_Clear();
-  return false;
 }
 
 inline PyObject* none_unless_error() { return PyErr_Occurred() ? nullptr : Py_NewRef(Py_None); }
@@ -20,7 +19,10 @@ bool read_exactly(double* x, int count, const char* const* names, Read read) {
   double error[ALL_INPUTS];
   std::fill_n(error, count, 0.0);
   bool has_fraction = false;
-  if (!read(InputBuffer{x, error, names, &has_fraction})) return left_to_python();
+  if (!read(InputBuffer{x, error, names, &has_fraction})) {
+    clear_type_error();
+    return false;
+  }
   return !has_fraction && std::all_of(error, error + count, [](double e) { return e == 0; }) &&
          std::none_of(x, x + count, [](double number) { return number != number; });
 }
@@ -47,5 +49,6 @@ inline bool read_pair(PyObject* o, long bodies, std::int64_t* pair) {
     fits = pair[side] >= 0 && pair[side] < bodies;
   }
   Py_XDECREF(items);
-  return (fits && pair[0] != pair[1]) || left_to_python();
+  clear_type_error();
+  return fits && pair[0] != pair[1];
 }

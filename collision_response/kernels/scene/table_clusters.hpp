@@ -15,8 +15,8 @@ struct TableClusters {
     STATUS,
     ERROR_BOUND,
     MARGIN,
-    ENERGIES,
-    ADJUSTMENTS = ENERGIES + 4,
+    ENERGY,
+    ADJUSTMENTS = ENERGY + 4,
     RESULTS
   };
 
@@ -70,7 +70,7 @@ struct TableClusters {
     }
     at(ERROR_BOUND, number) = effect.error_bound;
     at(MARGIN, number) = result.margin;
-    for (int i = 0; i < 4; ++i) at(ENERGIES + i, number) = effect.energies[i];
+    for (int i = 0; i < 4; ++i) at(ENERGY + i, number) = effect.energies[i];
     *results[ADJUSTMENTS].at<Code>(number) = adjustments_of(cluster, result) & ~ADJUSTMENT_NORMALISED_ORIENTATION;
     if (!(effect.error_bound <= limit)) status = STATUS_TOLERANCE_NOT_MET;
     else if (effect.is_separating()) status = STATUS_SEPARATING;
