@@ -91,6 +91,11 @@ struct AssembledBody {
            std::all_of(w, w + 3, [](double one) { return one == 0; });
   }
 
+  // Whether two immovable bodies have the same velocity at every point.
+  bool moves_like(const AssembledBody& other) const {
+    return std::equal(x, x + BODY, other.x) || (moves_with(other) && other.moves_with(*this));
+  }
+
   // Compute everything from x.
   void prepare();
   template <class T>

@@ -226,9 +226,11 @@ struct LeastWork {
   std::optional<Solution> by_coulombs_conditions(bool presses) const {
     constexpr double BUDGET = 1e8;  // multiplications: a tenth of a second
     constexpr double COARSEST = 1e-5;  // error bound: far above most, so that rounding hardly decides
-    Vector rebounds(assembly.count);
-    for (int i : loaded) rebounds[i] = before.velocity(i, 0);
-    const ClusterImpulses impulses = obey_coulomb(assembly, rebounds, BUDGET, all_are_parallel());
+    auto rebound = [this](int i, const FaceAxes& face) {
+      const bool rebounds = shared.part[i] > 0 && frictionless.restitution > 0;
+      return rebounds ? face.normal_part(before.velocity(i)) : 0;
+    };
+    const ClusterImpulses impulses = obey_coulomb(assembly, rebound, BUDGET);
     if (!impulses.are_found) return {};
     Solution found{{}, Motion(assembly), impulses.error, 0};
     for (int i = 0; i < assembly.count; ++i) {
@@ -243,15 +245,6 @@ struct LeastWork {
     const bool is_exact = found.error <= error_for_bound(assembly, found.after.y, COARSEST);
     if (!(do_part || presses) || !is_exact || creates_energy(found.after, found.P)) return {};
     return presses ? found : as_least_work(found);
-  }
-
-  // Whether each contact that is loaded is parallel to another one. Friction then may shift between these, with hardly any
-  // effect.
-  bool all_are_parallel() const {
-    return std::all_of(loaded.begin(), loaded.end(), [&](int i) {
-      return std::any_of(loaded.begin(), loaded.end(),
-                         [&](int j) { return i != j && are_parallel(assembly.contacts[i], assembly.contacts[j]); });
-    });
   }
 
   // The impulses of least work of the contacts that are loaded in a solution, if they are the same but for its error: theirs

@@ -28,6 +28,8 @@
 #include <optional>
 
 #include "contact_cones.hpp"
+#include "motion.hpp"
+#include "shared_loads.hpp"
 #include "skyline.hpp"
 
 namespace {
@@ -40,13 +42,14 @@ class Conditions {
   std::vector<Axes> P;
   Vector y;
 
-  Conditions(const Assembly& assembly, const Vector& rebounds, double speed, double budget)
+  Conditions(const Assembly& assembly, const std::vector<FaceAxes>& faces, const Vector& rebounds, double speed,
+             double budget)
       : P(assembly.count), y(6 * static_cast<size_t>(assembly.body_count)), budget(budget), from(P), slopes(P.size()) {
     const double mean = mean_inverse_mass(assembly, assembly.all_contacts());
     ContactGraph graph{assembly.body_count, false};
     for (int i = 0; i < assembly.count; ++i) {
       const AssembledContact& contact = assembly.contacts[i];
-      Cone<double> cone = cone_of(contact, contact.axes, speed, mean);
+      Cone<double> cone = cone_of(contact, faces[i].axes, speed, mean);
       cone.w[0] -= rebounds[i] * contact.unit() / speed;
       graph.pairs.push_back({cone.body[0], cone.body[1]});
       cones.push_back(cone);
@@ -80,7 +83,8 @@ class Conditions {
       from[i] = P[i];
       for (double& one : from[i]) one *= 1 + part * uneven(cone, 0, phase);
     }
-    if (!proximal_step(HARD)) return false;
+    // Velocities that differ change P by rho times as much.
+    if (!proximal_step(std::fmin(HARD, -2 - std::log10(std::fabs(size))))) return false;
     // Such velocities hardly ever allow an exact P, where contacts share a load.
     sharpen(size == 0 ? PATIENCE : 1);
     return true;
@@ -299,9 +303,11 @@ class Conditions {
   }
 };
 
-// An estimate of the error of y: how far it is from the y of other velocities, and of other shares of the load.
-double motion_error(const Conditions& solved, bool on_faces) {
-  // Relative to velocities and impulses. Normals that are off by 1e-9 make P creep for slips of CREEPING.
+// An estimate of the error of y: how far it is from the y of other velocities, and of other shares of the load. `turned`:
+// by how much velocities differ because contacts have the axes of their face. `on_faces`: whether each contact that is
+// loaded is on one face with another. Then P may creep, because impulses only shift between these.
+double motion_error(const Conditions& solved, double turned, bool on_faces) {
+  // Relative to velocities and impulses. Places or normals that are off by 1e-9 make P creep for slips of CREEPING.
   constexpr double EXACT = 0x1p-44, CREEPING = 0x1p-30, ROUNDING = 0x1p-50;
   constexpr double LEAST_OF_CREEPING = 1e-6;  // P is not followed to where it ends: far above the errors seen
   constexpr double FARTHER = 10;  // change of velocities, relative to off()
@@ -309,7 +315,7 @@ double motion_error(const Conditions& solved, bool on_faces) {
   constexpr int TRIES = 3;
   const double greatest = solved.greatest(), unit = std::fmax(1, greatest), off = solved.off();
   if (off > (on_faces ? CREEPING : EXACT) * unit) return INFINITY;  // P that creep have unknown limits
-  const double farther = FARTHER * std::fmax(off, ROUNDING * unit);
+  const double farther = std::fmax(FARTHER * std::fmax(off, ROUNDING * unit), turned);
   auto nearby = [&](double size, double part, double phase) -> std::optional<Conditions> {
     Conditions other = solved;
     if (!other.solve_nearby(size, part, phase)) return {};
@@ -331,11 +337,6 @@ double motion_error(const Conditions& solved, bool on_faces) {
   if (!is_known) return INFINITY;
 
   constexpr double SEVERAL = 1e-3, APART = 10;  // changes of y: of shares that matter, and of solutions that lie apart
-  constexpr double SLIGHT = 1e-6;  // change of velocities
-  for (int k = 0; k < TRIES && on_faces; ++k)
-    for (double size : {-SLIGHT, SLIGHT})
-      if (const auto other = nearby(size, 0, k); other && distance(*other) > SEVERAL * greatest) return INFINITY;
-
   constexpr double OTHER = 0.01;  // relative change of the shares
   constexpr double EXCESS = 10;  // of a change of y over what this explains
   is_known = false;
@@ -352,25 +353,89 @@ double motion_error(const Conditions& solved, bool on_faces) {
   return is_known ? CAUTION * most : INFINITY;
 }
 
+std::vector<FaceAxes> face_axes(const Assembly& assembly) {
+  std::vector<FaceAxes> faces;
+  for (int i = 0; i < assembly.count; ++i) {
+    const AssembledContact& own = assembly.contacts[i];
+    int first = 0;
+    while (first < i && !are_on_one_face(assembly, i, first)) ++first;
+    const AssembledContact& like = assembly.contacts[first];
+    if (std::equal(own.normal, own.normal + 3, like.normal)) {
+      faces.push_back({own.axes, {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}});
+      continue;
+    }
+    const auto from = own.unit_vectors<double>(), to = like.unit_vectors<double>();
+    const double sign = dot(from[0].data(), to[0].data(), 3) < 0 ? -1 : 1;  // the bodies of `like` may be swapped
+    FaceAxes face{};
+    for (int a = 0; a < 3; ++a)
+      for (int b = 0; b < 3; ++b) {
+        const double part = face.in_own[a][b] = sign * dot(to[a].data(), from[b].data(), 3);
+        face.axes[a].velocity += part * own.axes[b].velocity;
+        for (int side = 0; side < 2; ++side)
+          for (int k = 0; k < 6; ++k) face.axes[a].row[side][k] += part * own.axes[b].row[side][k];
+      }
+    faces.push_back(face);
+  }
+  return faces;
+}
+
+// An impulse along the axes of a face, turned into the own axes of the contact.
+Axes turned_back(const Axes& P, const FaceAxes& face) {
+  Axes own{P[0], 0, 0};
+  for (int a = 0; a < 3; ++a)
+    for (int b = 1; b < 3; ++b) own[b] += P[a] * face.in_own[a][b];
+  const double is = std::hypot(own[1], own[2]), was = std::hypot(P[1], P[2]);
+  for (int b = 1; b < 3 && is > 0; ++b) own[b] *= was / is;
+  return own;
+}
+
 }  // namespace
 
-ClusterImpulses obey_coulomb(const Assembly& assembly, const Vector& rebounds, double budget, bool on_faces) {
+ClusterImpulses obey_coulomb(const Assembly& assembly, const std::function<double(int, const FaceAxes&)>& rebound,
+                             double budget) {
   constexpr double SOLVED = 1e-6;  // greatest off(), and a hundred times this, of the greatest impulse
+  const std::vector<FaceAxes> faces = face_axes(assembly);
   std::vector<Axes> P(assembly.count);
+  Vector rebounds;
   double speed = 0;
   bool approach = false;
-  for (const AssembledContact& contact : assembly.contacts) {
+  for (int i = 0; i < assembly.count; ++i) {
+    const AssembledContact& contact = assembly.contacts[i];
     const auto& u = contact.axes;
     const bool has_friction = contact.mu > LEAST_FRICTION;  // without friction, the slip may be anything
     const double size = std::hypot(u[0].velocity, has_friction * u[1].velocity, has_friction * u[2].velocity);
     speed = std::fmax(speed, size * contact.unit());
     approach = approach || u[0].velocity < 0;
+    rebounds.push_back(rebound(i, faces[i]));
   }
   if (!approach) return with_axis_impulses({}, assembly, P);  // impulses of 0 are a solution
-  Conditions conditions(assembly, rebounds, speed, budget);
+  Conditions conditions(assembly, faces, rebounds, speed, budget);
   if (!conditions.solve()) return {false};
   if (!(conditions.off() <= SOLVED * std::fmin(1, 100 * conditions.greatest()))) return {false};
-  const double error = speed * (assembly.is_locked ? INFINITY : motion_error(conditions, on_faces));
-  for (int i = 0; i < assembly.count; ++i) P[i] = in_newton_seconds(conditions.P[i], assembly.contacts[i], speed);
-  return with_axis_impulses({true, {}, error}, assembly, P);
+  Motion after(assembly);
+  for (int i = 0; i < assembly.count; ++i) {
+    const Axes along_face = in_newton_seconds(conditions.P[i], assembly.contacts[i], speed);
+    P[i] = turned_back(along_face, faces[i]);
+    after.apply(i, P[i]);
+  }
+  double turned = 0;  // by how much the velocities along both axes differ
+  for (int i = 0; i < assembly.count; ++i) {
+    const Axes u = after.velocity(i);
+    for (int a = 0; a < 3; ++a) {
+      const Axes& in_own = faces[i].in_own[a];
+      const double off = u[a] - (in_own[0] * u[0] + in_own[1] * u[1] + in_own[2] * u[2]);
+      turned = std::fmax(turned, std::fabs(off) * assembly.contacts[i].unit() / speed);
+    }
+  }
+  Vector by = after.y;
+  increase(by, -speed, conditions.y);
+  auto is_on_face = [&](int i) {
+    for (int j = 0; j < assembly.count; ++j)
+      if (j != i && are_on_one_face(assembly, i, j)) return true;
+    return false;
+  };
+  bool on_faces = true;
+  for (int i = 0; i < assembly.count && on_faces; ++i) on_faces = !(P[i][0] > 0) || is_on_face(i);
+  const double error = speed * motion_error(conditions, turned, on_faces) + length_of(by);
+  return with_axis_impulses({true, {}, assembly.is_locked ? INFINITY : error}, assembly, P);
 }

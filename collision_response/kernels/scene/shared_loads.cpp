@@ -168,7 +168,7 @@ Vector possible_loads(const Assembly& assembly, Vector loads, double least, cons
   const double greatest = greatest_of(loads), limit = least * greatest;
   auto may_share = [&](int i) {
     for (int j = 0; j < assembly.count; ++j)
-      if (loads[j] > limit && contacts[i].mu == contacts[j].mu && are_parallel(contacts[i], contacts[j])) return true;
+      if (loads[j] > limit && contacts[i].mu == contacts[j].mu && are_on_one_face(assembly, i, j)) return true;
     return false;
   };
   for (;;) {
@@ -189,11 +189,16 @@ Vector possible_loads(const Assembly& assembly, Vector loads, double least, cons
 
 }  // namespace
 
-bool are_parallel(const AssembledContact& one, const AssembledContact& other) {
+bool are_on_one_face(const Assembly& assembly, int i, int j) {
   constexpr double PARALLEL = 1e-13;
+  const AssembledContact &one = assembly.contacts[i], &other = assembly.contacts[j];
   double product = 0;
   for (int k = 0; k < 3; ++k) product += one.normal[k] / one.length * (other.normal[k] / other.length);
-  auto same = [&](int a, int b) { return one.body[a] == other.body[b] && one.wall[a] == other.wall[b]; };
+  auto same = [&](int a, int b) {
+    if (one.body[a] != other.body[b]) return false;
+    const int wall = one.wall[a], by = other.wall[b];
+    return wall == by || (wall >= 0 && by >= 0 && assembly.walls[wall].moves_like(assembly.walls[by]));
+  };
   if (same(0, 1) && same(1, 0)) product = -product;
   else if (!(same(0, 0) && same(1, 1))) return false;
   return product > 1 - PARALLEL;
