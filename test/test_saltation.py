@@ -467,6 +467,119 @@ def test_a_ball_that_may_slide_to_either_side_may_stick(law, sd):
     assert found.is_reliable == (2 * sd < 0.15)
 
 
+def propagated_at_a_plane(velocity, contact, S, mass=MASS, **given):
+    """A ball without spin that touches a plane, by COULOMB."""
+    body = Body.sphere(mass, RADIUS, position=(0, 0, RADIUS), velocity=velocity)
+    args = body, Body.static(), contact, ImpactModel(Law.COULOMB), S, sphere_on_plane(RADIUS)
+    return propagate_covariance(*args, gravity=G, **given)
+
+
+@pytest.mark.parametrize(("deviations", "sticks"), [(0.5, True), (1.0, True), (2.0, True), (4.0, False)])
+def test_it_reports_that_likely_slips_pass_by_where_the_ball_sticks(deviations, sticks):
+    """It sticks below a slip of 1.05 m/s, as above: where v_x is 0, but not where it is 0.4 or -0.4 m/s.
+    Nowhere friction is against that of the mean.
+    """
+    S = np.zeros((12, 12))
+    S[6, 6] = (0.4 / deviations) ** 2
+    contact = Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.2)
+    found = propagated_at_a_plane((0.4, 1.04, -1.0), contact, S)
+    assert found.regimes == ((Regime.SLIDING, Regime.STICKING) if sticks else (Regime.SLIDING,))
+    assert found.is_reliable != sticks
+
+
+@pytest.mark.parametrize("mass", [MASS, 2.0**900, 2.0**-900])
+@pytest.mark.parametrize(
+    ("used", "regimes"),
+    [(0.3857, (Regime.STICKING, Regime.SLIDING)), (0.1857, (Regime.SLIDING, Regime.STICKING))],
+)
+def test_slip_and_approach_together_reach_the_other_regime(mass, used, regimes):
+    """To stick takes (2/7) |u_t| = 0.2857, and friction is at most mu (1 + e) |u_n|, ``used`` times |u_n|.
+    Two deviations of slip or approach change the difference of 0.1 by 0.08, those of both together by 0.11.
+    """
+    sd = np.zeros(12)
+    sd[[6, 8]] = 0.04 * 3.5, 0.04 / used
+    contact = Contact.of((0, 0, 0), (0, 0, 1), 0.5, used / 1.5)
+    found = propagated_at_a_plane((1.0, 0.0, -1.0), contact, np.diag(sd**2), mass)
+    assert (found.regimes, found.is_reliable) == (regimes, False)
+
+
+@pytest.mark.parametrize("mass", [MASS, 2.0**900, 2.0**-900])
+def test_it_reports_that_the_ball_may_slide_to_either_side_whatever_its_mass(mass):
+    """At none of the slips that are tried it sticks."""
+    S = np.zeros((12, 12))
+    S[6, 6] = 5.0**2
+    found = propagated_at_a_plane((1.2, 0.0, -1.0), Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.2), S, mass)
+    assert (found.regimes, found.is_reliable) == ((Regime.SLIDING,), False)
+
+
+@pytest.mark.parametrize(("friction_sd", "sticks"), [(0.04, True), (0.02, False), (0.0, False)])
+def test_a_contact_without_friction_may_stick_where_its_friction_is_uncertain(friction_sd, sticks):
+    """A slip of 0.4 m/s ends from mu = (2/7) 0.4 / (1 + e) = 0.076 on."""
+    contact = Contact.of((0, 0, 0), (0, 0, 1), 0.5)
+    found = propagated_at_a_plane((0.4, 0.0, -1.0), contact, np.zeros((12, 12)), friction_sd=friction_sd)
+    assert found.regimes == ((Regime.SLIDING, Regime.STICKING) if sticks else (Regime.SLIDING,))
+    assert found.is_reliable != sticks
+
+
+@pytest.mark.parametrize(("sd", "sticks"), [(0.02, True), (0.015, False)])
+def test_uncertain_restitution_may_let_a_ball_stick(sd, sticks):
+    """It sticks where (2/7) 1.075 <= mu (1 + e), from e = 0.536 on."""
+    contact = Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.2)
+    found = propagated_at_a_plane((1.075, 0.0, -1.0), contact, np.zeros((12, 12)), restitution_sd=sd)
+    assert found.regimes == ((Regime.SLIDING, Regime.STICKING) if sticks else (Regime.SLIDING,))
+    assert found.is_reliable != sticks
+
+
+@pytest.mark.parametrize(("friction", "sticks"), [(0.3197, False), (0.3207, True)])
+def test_an_uncertain_orientation_turns_the_inertia(friction, sticks):
+    """About the normal, which moves nothing else. The friction is near that with which the body just sticks
+    when it is turned by two deviations, -0.3 rad.
+    """
+    moments, orientation = (0.002, 0, 0, 0.01, 0, 0.011), Quaternion(0.3, 0.4, -0.2, 0.8)
+    body = Body.dynamic(1.0, moments, (0, 0, RADIUS), orientation, (1.0, 0.0, -1.0))
+    request = Body.static(), Contact.of((0, 0, 0), (0, 0, 1), 0.5, friction), ImpactModel(Law.COULOMB)
+    assert (resolve(turned(body, Vec3(0, 0, -0.3)), *request).regime is Regime.STICKING) == sticks
+    S = np.zeros((12, 12))
+    S[5, 5] = 0.15**2
+    found = propagate_covariance(body, *request, S, sphere_on_plane(RADIUS))
+    assert found.regimes == ((Regime.SLIDING, Regime.STICKING) if sticks else (Regime.SLIDING,))
+
+
+@pytest.mark.parametrize("normal_sd", [0.03, 0.02])
+@pytest.mark.parametrize("is_round", [False, True], ids=["the normal is uncertain", "on a sphere"])
+def test_a_turned_normal_separates_a_ball_that_moves_along_it_but_not_one_that_spins(normal_sd, is_round):
+    """Two deviations of 0.03 rad turn 2 m/s of velocity away from the plane, with 0.12 m/s; the ball comes
+    with 0.1 m/s. The surface of a ball that spins, also at 2 m/s, stays perpendicular to every normal.
+    """
+    contact, surfaces, S = Contact.of((0, 0, 0), (0, 0, 1), 0.5), sphere_on_plane(RADIUS), np.zeros((12, 12))
+    sd = {"normal_sd": normal_sd}
+    if is_round:  # the normal turns with the centre, by its displacement over the distance of the centres
+        surfaces, S[0, 0], sd = sphere_on_sphere(RADIUS, 0.3), (normal_sd * 0.4) ** 2, {}
+    for velocity, spin, separates in (
+        ((2.0, 0.0, -0.1), (0.0, 0.0, 0.0), normal_sd == 0.03),
+        ((0.0, 0.0, -0.1), (0.0, -20.0, 0.0), False),
+    ):
+        body = ball(velocity=velocity, angular_velocity=spin)
+        found = propagate_covariance(body, Body.static(), contact, ImpactModel(), S, surfaces, **sd)
+        assert (Regime.SEPARATING in found.regimes) == separates
+        assert found.is_reliable != separates
+
+
+@pytest.mark.parametrize(("sd", "separates"), [(0.26, True), (0.24, False)])
+def test_velocities_and_spins_of_both_bodies_change_the_approach(sd, separates):
+    """Each of the four has the standard deviation ``sd`` at the contact, so together they have twice that.
+    Two deviations are four times ``sd``; the bodies approach at 1 m/s.
+    """
+    moments, S = (1, 0, 0, 1, 0, 1), np.zeros((24, 24))
+    body_a = Body.dynamic(1.0, moments, (-0.5, 0, 0), velocity=(0, 0, -1))
+    body_b = Body.dynamic(1.0, moments, (0.5, 0, 0))
+    S[[8, 20], [8, 20]], S[[10, 22], [10, 22]] = sd**2, (sd / 0.5) ** 2
+    contact = Contact.of((0, 0, 0), (0, 0, 1), 0.5)
+    found = propagate_covariance(body_a, body_b, contact, ImpactModel(), S, corner_on_plane)
+    assert (Regime.SEPARATING in found.regimes) == separates
+    assert found.is_reliable != separates
+
+
 @pytest.mark.parametrize("law", [law for law in Law if law is not Law.AUTO])
 @pytest.mark.parametrize("deviations", [-2.1, -1.9, 0.1, 1.9, 2.1])
 @pytest.mark.parametrize(("restitution", "restitution_sd"), [(0.8, 0.0), (0.0, 0.1), (0.0, 0.0)])
@@ -686,6 +799,20 @@ def covariance_with(value) -> list:
 def test_an_invalid_covariance_is_refused_in_one_line(covariance):
     with refused(StatusCode.INVALID_TABLE, "covariance", match=r"\Acovariance: [^\n]+\Z"):
         propagate_covariance(ball(), Body.static(), FLOOR, ImpactModel(), covariance, sphere_on_plane(RADIUS))
+
+
+@pytest.mark.parametrize(("part", "is_rounding"), [(1e-12, True), (1e-10, False)])
+@pytest.mark.parametrize("wrong", ["unsymmetric", "negative"])
+def test_a_covariance_is_checked_up_to_rounding_in_the_units_of_each_entry(part, is_rounding, wrong):
+    """The faulty entries are the smallest. A correlation of ``1 + part`` has an eigenvalue below 0."""
+    S = np.diag(np.array([1e-9, 1e-9] + [1.0] * 10) ** 2)
+    S[0, 1], S[1, 0] = (part * 1e-18, 0.0) if wrong == "unsymmetric" else [(1 + part) * 1e-18] * 2
+    request = ball(), Body.static(), FLOOR, ImpactModel(), S, sphere_on_plane(RADIUS)
+    if is_rounding:
+        assert np.isfinite(propagate_covariance(*request).covariance).all()
+    else:
+        with refused(StatusCode.INVALID_TABLE, "covariance", match="symmetric and positive semi-definite"):
+            propagate_covariance(*request)
 
 
 def test_a_covariance_may_hold_fractions():
