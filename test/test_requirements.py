@@ -256,6 +256,43 @@ def test_friction_below_the_tolerance_is_not_required():
     assert scene_requirements(BODIES, [slippery], 1e-12).law.least is Law.COULOMB
 
 
+@pytest.mark.parametrize(
+    ("tolerance", "law"), [(0.59, Law.COULOMB), (0.599999, Law.COULOMB), (0.600001, Law.FRICTIONLESS)]
+)
+def test_the_reason_says_by_how_much_friction_changes_an_impact(tolerance, law):
+    """The impulse has a slope of 0.75: friction is (0.75, 1) / 1.25 of it."""
+    bodies = {"point": Body.dynamic(1.0, velocity=(4.0, 0.0, -1.0)), "ground": Body.static()}
+    contacts = [SceneContact("point", "ground", Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.75))]
+    needs = scene_requirements(bodies, contacts, tolerance)
+    assert needs.law.least is law
+    if law is Law.COULOMB:
+        assert needs.law.reason == "friction changes the impact of point - ground by 0.6 of it"
+
+
+def test_friction_that_rounding_hides_is_required():
+    """It is 1e-18 of the impulse, which a float64 of no component shows, and above the tolerance."""
+    bodies = {"point": Body.dynamic(1.0, velocity=(40.0, 1.0, -17.0)), "ground": Body.static()}
+    contacts = [SceneContact("point", "ground", Contact.of((0, 0, 0), (1, 2, 3), 0.5, 1e-18))]
+    assert scene_requirements(bodies, contacts, 1e-19).law.least is Law.COULOMB
+
+
+def test_rounding_requires_no_friction_where_more_digits_do_not():
+    """float64 leaves 1e-7 of the impulse open, because the approach is so slow; friction is 1e-12 of it."""
+    bodies = {"point": Body.dynamic(1.0, velocity=(1.0, -(2.0**-30), -1.0)), "ground": Body.static()}
+    contacts = [SceneContact("point", "ground", Contact.of((0, 0, 0), (1, 1, 1), 0.5, 1e-12))]
+    assert scene_requirements(bodies, contacts, 1e-10).law.least is Law.FRICTIONLESS
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-9])
+def test_an_impact_that_no_precision_answers_requires_extended(tolerance):
+    """As floats, the two fractions cancel, so with friction nothing shows that the bodies approach."""
+    velocity = (Fraction(1, 3), -Fraction(1, 3) - Fraction(1, 10**20), Fraction(0))
+    bodies = {"point": Body.dynamic(1.0, velocity=velocity), "ground": Body.static()}
+    contacts = [SceneContact("point", "ground", Contact.of((0, 0, 0), (1, 1, 0), 0.5, 0.3))]
+    needs = scene_requirements(bodies, contacts, tolerance)
+    assert (needs.law.least, needs.precision.least) == (Law.COULOMB, Precision.EXTENDED)
+
+
 def test_friction_that_matters_only_to_the_spin_is_required():
     """It is 1e-4 of the impulse, but changes the twist of a body of small inertia by 1e-2."""
     slippery = SLIPPING._replace(contact=SLIPPING.contact._replace(friction=1e-4))
