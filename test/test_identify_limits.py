@@ -14,6 +14,7 @@ from refusals import refused
 
 from collision_response import Body, Contact, ImpactModel, Law, StatusCode, Twist, resolve
 from collision_response.identify import Impacts, SphereReadings, compare, identify
+from collision_response.identify.estimates import Estimate
 from collision_response.physics.orientation import Quaternion
 from collision_response.physics.vector import Vec3
 
@@ -337,3 +338,101 @@ def test_a_mark_for_a_missing_number_is_noted(mark):
     assert any(
         note.startswith("1 impacts seem to change the motion 1,000,000 times as much") for note in notes
     )
+
+
+# --- What an estimate says, and its notes
+
+
+def restitutions(*values, speeds=None, mass=None, **options):
+    """The fit of FRICTIONLESS to point masses that fall, at 1 m/s by default, with these restitutions."""
+    n = len(values)
+    speeds, mass = speeds or [1.0] * n, mass or [1.0] * n
+    balls = [Body.dynamic(m, velocity=(0.0, 0.0, -v)) for m, v in zip(mass, speeds, strict=True)]
+    after = [up(e * v) for e, v in zip(values, speeds, strict=True)]
+    measured = Impacts.of(balls, [WALL] * n, [Contact.of((0, 0, 0), (0, 0, 1))] * n, after, after)
+    return identify(measured, Law.FRICTIONLESS, **{"kind": "contact", "loss": "linear"} | options)
+
+
+@pytest.mark.parametrize(
+    ("estimate", "text"),
+    [
+        ((0.5, 0.4, 0.6, 0.01), "= 0.5  [0.4, 0.6]  (formal ± 0.02)"),
+        ((math.nan, 0.4, math.inf, math.inf), ">= 0.4: these impacts tell only a lower bound"),
+        ((math.nan, 0.0, math.inf, math.inf), "in [0, inf]: not determined by these impacts"),
+        ((math.nan, 0.4, 1.0, math.inf), "in [0.4, 1]: not determined by these impacts"),
+    ],
+)
+def test_an_estimate_is_shown_with_intervals_of_95_percent(estimate, text):
+    assert str(Estimate(*estimate)) == text
+
+
+def test_the_interval_of_the_bootstrap_leaves_out_5_of_200_fits_at_either_end():
+    found = restitutions(*(0.5 + 0.01 * math.sin(i * i) for i in range(20)))
+    fits = sorted(found.resampled[:, 0])
+    assert found.coefficients["restitution"][1:3] == (fits[4], fits[194])
+
+
+@pytest.mark.parametrize(("fast", "factor"), [(4, None), (6, "2.1"), (8, "2.5")])
+def test_a_formal_interval_less_than_half_as_long_as_the_other_is_noted(fast, factor):
+    """Restitution grows with the speed of one impact, whose residual is the largest."""
+    e, v = [0.5 + 0.01 * (-1) ** i for i in range(15)] + [0.5 + 0.01 * fast], [1.0] * 15 + [float(fast)]
+    found = restitutions(*e, speeds=v)
+    value, _, _, formal = found.coefficients["restitution"]
+    square = sum(x * x for x in v)
+    best = sum(x * x * y for x, y in zip(v, e, strict=True)) / square
+    variance = sum((x * (y - best)) ** 2 for x, y in zip(v, e, strict=True)) / 15
+    assert (value, formal) == pytest.approx((best, math.sqrt(variance / square)), rel=1e-6)  # of the search
+    notes = (f"restitution: the formal interval is {factor} times too small",) if factor else ()
+    assert found.notes == notes
+
+
+@pytest.mark.parametrize(("count", "is_noted"), [(9, True), (10, False)])
+def test_less_than_ten_impacts_are_noted(count, is_noted):
+    notes = restitutions(*(0.5 + 0.01 * (-1) ** i for i in range(count)), resamples=2).notes
+    assert notes == ((f"{count} impacts are too few for reliable intervals",) if is_noted else ())
+
+
+@pytest.mark.parametrize(("repeats", "is_noted"), [(6, False), (8, True)])
+def test_kinds_of_residuals_that_disagree_by_three_formal_deviations_are_noted(repeats, is_noted):
+    """Weighted by mass, restitution is 0.55 +- (0.0075 / (4 repeats - 1))^(1/2), else 0.5."""
+    e, mass = [0.4, 0.4, 0.6, 0.6] * repeats, [1.0, 1.0, 3.0, 3.0] * repeats
+    found = restitutions(*e, mass=mass, kind="kinetic", resamples=2)
+    formal = math.sqrt(0.0075 / (4 * repeats - 1))
+    assert found.coefficients["restitution"][::3] == pytest.approx((0.55, formal), rel=1e-6)  # of the search
+    expected = "restitution: other kinds of residuals lead to a value 0.05 away, which is 3 formal standard"
+    assert [note.startswith(expected) for note in found.notes] == [True] * is_noted
+
+
+@pytest.mark.parametrize(("times", "is_noted"), [(0.9e6, False), (1.1e6, True)])
+def test_a_change_a_million_times_as_large_as_the_others_is_noted(times, is_noted):
+    notes = restitutions(*[0.5] * 12, 1.5 * times - 1, resamples=2).notes
+    assert any(note.startswith("1 impacts seem to change the motion") for note in notes) == is_noted
+
+
+@pytest.mark.parametrize("count", [4, 10])
+def test_a_lower_bound_is_where_the_squares_are_too_large_for_chance(count):
+    """Point masses of slip 1 m/s that stick from mu = 1 on, measured with an error of 0.01 m/s. The bound is
+    where the sum of squares is larger by 3.84 times the variance of a residual.
+    """
+    balls = [Body.dynamic(1.0, velocity=(1.0, 0.0, -1.0))] * count
+    after = [Twist(Vec3(0.01 * (-1) ** i, 0.0, 0.0), NOTHING) for i in range(count)]
+    measured = Impacts.of(balls, [WALL] * count, [Contact.of((0, 0, 0), (0, 0, 1))] * count, after, after)
+    options = {"fit": ["friction"], "given": {"restitution": 0.0}, "loss": "linear", "resamples": 2}
+    friction = identify(measured, **options).coefficients["friction"]
+    assert math.isnan(friction.value) and friction.high == math.inf
+    bound = 1 - 0.01 * math.sqrt(3.84 / (count - 1))
+    assert friction.low == pytest.approx(bound, abs=3e-6)  # 20 halvings of 2 or so
+
+
+def test_the_formal_deviation_of_a_product_is_that_of_its_line():
+    """Spins of spheres that slide are mu (1 + e) v_n 2.5 / R."""
+    before, floors, contacts = spheres(12, 0.5, 0.1)
+    slopes = np.array([ball.velocity[2] * -25.0 for ball in before])
+    spins = 0.15 * slopes + 0.02 * np.sin(np.arange(12) ** 2)
+    after = [Twist(NOTHING, Vec3(math.nan, spin, math.nan)) for spin in spins.tolist()]
+    measured = Impacts.of(before, floors, contacts, after, after)
+    value, low, high, formal = identify(measured, kind="kinetic", loss="linear").combination
+    best = slopes @ spins / (slopes @ slopes)
+    variance = ((spins - best * slopes) ** 2).sum() / (12 - 2)
+    assert (value, formal) == pytest.approx((best, math.sqrt(variance / (slopes @ slopes))), rel=1e-4)
+    assert low < value < high

@@ -14,6 +14,7 @@ from collisions import random_collision
 from collision_response import Body, Contact, ImpactModel, Law, Twist, resolve
 from collision_response.identify import Impacts, identify
 from collision_response.identify.measurements import BODY
+from collision_response.physics.vector import Vec3
 
 IMPULSE, ENERGY, APPROACH = "no impulse at the contact points", "which no law does", "still approach"
 
@@ -62,6 +63,43 @@ def test_wrong_units_and_columns_are_named(kind):
     fault, expected = FAULTS.get(kind, (lambda before, after: (before, after), set()))
     notes = identify(spheres(fault), resamples=2).notes
     assert {text for text in (IMPULSE, ENERGY, APPROACH) if any(text in note for note in notes)} == expected
+
+
+def noted(after, spins=None):
+    """The notes on spheres that fall at 1 m/s, measured at speeds and spins about the normal."""
+    n = len(after)
+    balls = [Body.sphere(1.0, 0.1, position=(0, 0, 0.1), velocity=(0, 0, -1))] * n
+    twists = [Twist(Vec3(0, 0, v), Vec3(0, 0, w)) for v, w in zip(after, spins or [0] * n, strict=True)]
+    contacts = [Contact.of((0, 0, 0), (0, 0, 1))] * n
+    measured = Impacts.of(balls, [Body.static()] * n, contacts, twists, twists)
+    return identify(measured, Law.FRICTIONLESS, loss="linear", resamples=2).notes
+
+
+@pytest.mark.parametrize(
+    ("scatter", "spin", "least"),
+    [(0.0, 2.37, None), (0.0, 2.40, "10.1%"), (0.15, 1.5811, "6.6%"), (0.2, 1.5811, None)],
+)
+def test_what_no_impulse_explains_is_noted_if_it_is_most_of_a_misfit_above_a_tenth(scatter, spin, least):
+    """The misfit is that of the spin, 0.004^(1/2) of it, and of the scatter together, over 1.5 m/s or so."""
+    notes = noted([0.5 + scatter * (-1) ** i for i in range(12)], [spin] * 12)
+    shown = [note.partition(",")[0] for note in notes if IMPULSE in note]
+    assert shown == ([f"no law can have a misfit below {least}"] if least else [])
+
+
+@pytest.mark.parametrize(("most", "few", "gain"), [(1.3, 0.3, "1.7"), (1.04, 0.3, None), (1.05, 1.05, None)])
+def test_a_gain_of_energy_is_noted_if_the_misfit_cannot_be_its_cause(most, few, gain):
+    """At restitution 1.3 energy is 1.69 times as large. The misfits are 0.25, 0.2 and 0.02."""
+    shown = [note for note in noted([most] * 6 + [few] * 4) if ENERGY in note]
+    expected = f"the impacts make the energy of the relative motion {gain} times as large"
+    assert [note.partition(",")[0] for note in shown] == [expected] * bool(gain)
+
+
+@pytest.mark.parametrize(("left", "is_noted"), [(0.25, True), (0.11, True), (0.09, False)])
+def test_an_approach_that_is_left_is_noted(left, is_noted):
+    """Without bounce the misfit is left / (1 - left), above a tenth where more than an eleventh is left."""
+    shown = [note for note in noted([-left] * 10) if APPROACH in note]
+    expected = f"after the impacts the bodies still approach, at {100 * left:.0f}% of the speed before"
+    assert [note.partition(", which")[0] for note in shown] == [expected] * is_noted
 
 
 def test_the_misfit_is_the_same_for_every_observer():
