@@ -356,6 +356,14 @@ def floor() -> BodyState:
     return state
 
 
+def ramp() -> BodyState:
+    """A belt that moves up, about the same axis as it is turned."""
+    state = floor()
+    state.name, state.twist.linear.z = "ramp", 1.0
+    state.pose.orientation.y = 0.5
+    return state
+
+
 def publish_until_received(graph: Any, *states: BodyState) -> None:
     """Publish states until the node has them; best effort may lose some."""
     publisher = graph.user.create_publisher(BodyState, "body_states", 10)
@@ -400,7 +408,7 @@ def node_with_states(shared_node):
     lying, still = ball(0.5, -1.0, name="lying"), BodyState(name="still", motion_type=BodyState.STATIC)
     lying.inertia.iyy, lying.pose.orientation.x = 0.3, 1.0
     still.header.frame_id = "world"
-    states = top(), floor(), ball(0.5, -1.0, name="ball"), other, broken, odd, far, lying, still
+    states = top(), floor(), ramp(), ball(0.5, -1.0, name="ball"), other, broken, odd, far, lying, still
     publish_until_received(shared_node, *states)
     return shared_node
 
@@ -426,6 +434,17 @@ def test_bodies_by_name_follow_those_of_the_table(node_with_states, layout):
     result = unpack(response)
     assert (result.status[:2] == StatusCode.OK).all()
     assert_same(result, resolve_batch(in_full[:, pairs], contacts))
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_an_immovable_body_by_name_may_be_rotated_in_every_layout(node_with_states, layout):
+    """Its inertia is infinite about every axis."""
+    contacts, none = contacts_of(layout, 1), np.empty((LAYOUTS[layout].bodies.height, 0))
+    request = pack(none, [[0], [1]], contacts, names=["ball", "ramp"], frame_id="world")
+    response = node_with_states.call(request)
+    assert response.message == ""
+    columns = np.column_stack([column(layout, ball(0.5, -1.0)), column(layout, ramp())])
+    assert_same(unpack(response), resolve_batch(columns[:, [[0], [1]]], contacts))
 
 
 def test_a_body_by_name_turns_in_the_plane_about_any_of_its_axes(node_with_states):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from itertools import product
 
@@ -15,7 +16,7 @@ from ros_graph import assign, ball
 
 from collision_response import ImpactError, StatusCode
 from collision_response.msg import BodyState, BodyStates
-from collision_response.ros import serialized
+from collision_response.ros import serialized, states
 from collision_response.ros.serialized import (
     MAX_STATE_SIZE,
     MalformedMessage,
@@ -141,6 +142,40 @@ def test_a_state_slightly_ahead_of_the_clock_is_later_than_one_before_it():
     store.hear(left(9.0, 1001))
     store.hear(left(1.0, 1000))
     assert (store.speed(), store.states.outdated) == (9.0, 1)
+
+
+@pytest.mark.parametrize(("ahead", "is_wrong"), [(0.9, False), (1.1, True)])
+def test_a_clock_more_than_a_second_ahead_is_wrong(ahead, is_wrong):
+    store = StateStore()
+    store.hear(left(9.0, 1000 + ahead))
+    store.hear(left(1.0, 1000))
+    assert store.speed() == (1.0 if is_wrong else 9.0)
+
+
+@KINDS
+@pytest.mark.parametrize(("late", "pause"), [(1.5, 0.9), (0.9, 1.5), (1.1, 1.1)])
+def test_time_was_set_back_if_stamp_and_arrival_say_so_by_more_than_a_second(kinds, late, pause):
+    """A message may say an earlier time because it is late, or because other publishers were faster."""
+    store, (first, second) = StateStore(), kinds
+    store.hear(first(900, 1.0), 1)
+    store.seconds += pause
+    message = second(0, 2.0)
+    stamp = message.header.stamp
+    stamp.sec, stamp.nanosec = divmod(900 * 10**9 - int(late * 1e9), 10**9)
+    store.hear(message, 2)
+    assert store.speed() == (2.0 if late == pause else 1.0)
+
+
+@pytest.mark.parametrize("kinds", [(state, table_of_left), (table_of_left, state)])
+@pytest.mark.parametrize(("late", "is_warned"), [(1, False), (2, True)])
+def test_a_look_up_warns_of_a_state_more_than_a_second_late(kinds, late, is_warned):
+    store, (first, second) = StateStore(), kinds
+    store.hear(first(900, 1.0), 1)
+    store.hear(second(900 - late, 2.0), 2)
+    assert store.speed() == 1.0
+    assert [report.partition(" and")[0] for report in store.reports] == [
+        "the last state of 'left' is 2 s older than the known one"
+    ] * is_warned
 
 
 def test_forget_drops_all_states():
@@ -308,6 +343,36 @@ def test_beyond_max_bodies_the_stalest_tables_are_dropped():
     assert any("max_bodies" in report for report in store.reports)
 
 
+def test_a_table_of_all_bodies_is_kept():
+    store = StateStore(most=4)
+    store.hear(table([*"abcd"]))
+    assert store.knows("d") and not store.states.evicted
+
+
+def test_tables_of_a_hundred_publishers_are_kept():
+    store = StateStore(most=10_000)
+    for publisher in range(101):
+        store.hear(table([f"body {publisher}"]), publisher)
+    assert [i for i in range(101) if not store.knows(f"body {i}")] == [0]
+    assert store.states.evicted == 1
+
+
+@pytest.mark.parametrize(("size", "shown"), [(60, "n" * 60), (61, "n" * 60 + "...")])
+def test_a_name_is_quoted_up_to_60_characters(size, shown):
+    with refused(StatusCode.UNKNOWN_BODY, match=f"is '{re.escape(shown)}', but no state with this name"):
+        StateStore().speed("n" * size)
+
+
+@pytest.mark.parametrize("more", [0, 1])
+def test_ten_known_names_are_listed(more):
+    store = StateStore()
+    for name in "abcdefghij" + "k" * more:
+        store.hear(ball(name=name))
+    with pytest.raises(ImpactError) as caught:
+        store.speed("x")
+    assert str(caught.value).endswith("known bodies: a, b, c, d, e, f, g, h, i, j" + ", ..." * more)
+
+
 def test_messages_do_not_grow_with_the_names_they_quote():
     store = StateStore()
     for i in range(50):
@@ -339,6 +404,28 @@ def test_states_lost_on_the_way_are_counted():
     store.hear(left(0.0), publisher=2, number=71)
     assert store.states.lost == 2
     assert len([report for report in store.reports if "did not arrive" in report]) == 1
+
+
+def test_losses_are_counted_of_a_limited_number_of_publishers(monkeypatch):
+    monkeypatch.setattr(states, "MAX_PUBLISHERS", 3)
+    store = StateStore()
+    for publisher in (1, 2, 3):
+        store.hear(left(0.0), publisher, number=1)
+    store.hear(left(0.0), 1, number=4)
+    assert store.states.lost == 2
+    store.hear(left(0.0), 4, number=1)
+    store.hear(left(0.0), 1, number=9)
+    assert store.states.lost == 2
+
+
+def test_names_with_two_publishers_are_reported_up_to_a_limited_number(monkeypatch):
+    monkeypatch.setattr(states, "MAX_PUBLISHERS", 2)
+    store = StateStore()
+    for name in "abc":
+        for publisher in (1, 2, 1):
+            store.hear(ball(name=name), publisher)
+    told = [report.partition(",")[0] for report in store.reports]
+    assert told == [f"two publishers send states of '{name}'" for name in "ab"]
 
 
 def test_lost_tables_have_a_warning_of_their_own():

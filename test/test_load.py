@@ -22,7 +22,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.service import Service
-from ros_graph import DEADLINE, assign, balls_meet, falling, wait_until
+from ros_graph import DEADLINE, assign, ball, balls_meet, falling, wait_until
 
 from collision_response import Body, Contact, ImpactError, ImpactModel, StatusCode
 from collision_response.msg import BodyState
@@ -289,6 +289,31 @@ def test_requests_of_a_client_that_leaves_are_dropped_and_counted(graph):
     wait_until(lambda: last()[1]["requests of clients that left"] == "5")
     assert last()[1]["requests waiting"] == "0"
     assert graph.call(balls_meet()).success
+
+
+@pytest.mark.parametrize(("asks_again", "at_risk"), [(False, "2"), (True, "1")])
+def test_answers_to_a_client_that_leaves_are_at_risk_unless_it_has_asked_again(graph, asks_again, at_risk):
+    """A request shows that the client has received the answers before it. Nothing shows that for the last."""
+    graph.serve(max_state_wait=60.0)
+    last, logged = graph.diagnostics(), graph.log()
+    states = graph.publisher(BodyState, "body_states")
+    other, client = another_client(graph)
+    futures = [client.call_async(by_name(10)) for _ in range(2)]
+    wait_until(lambda: last() and last()[1]["requests waiting"] == "2")
+    left = ball(name="left")
+    left.header.stamp.sec = 10
+    states.publish(left)
+    wait_until(lambda: all(future.done() for future in futures))
+    if asks_again:
+        wait_until(client.call_async(balls_meet()).done)
+
+    other.destroy_client(client)
+
+    field = "answers to clients that left, perhaps not received"
+    wait_until(lambda: last()[1][field] != "0")
+    assert last()[1][field] == at_risk
+    if not asks_again:
+        wait_until(lambda: any("it is not known whether it received 2 answers" in text for text in logged))
 
 
 @pytest.fixture

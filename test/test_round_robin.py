@@ -149,6 +149,16 @@ def test_a_request_may_be_computed_elsewhere_again_and_one_that_is_resumed_waits
     assert bench.run() == ["waits", "computed"]
 
 
+def test_a_client_whose_request_was_computed_elsewhere_is_served_for_a_whole_slice_again():
+    bench, future = Bench(), Future()
+    bench.turns.add("client", bench.computed("computed", future))
+    bench.run()
+    for client, name in (("client", "next"), ("other", "other")):
+        bench.turns.add(client, bench.job(name))
+    future.set_result(None)
+    assert bench.run() == ["computed", "next", "other"]
+
+
 def test_what_is_computed_for_a_client_that_left_is_cancelled_if_it_has_not_begun():
     bench, future = Bench(), Future()
     bench.turns.add("gone", bench.computed("computed", future))

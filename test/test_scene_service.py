@@ -367,6 +367,9 @@ REFUSALS = [
     Refused(StatusCode.INVALID_MASS, "bodies", (0, 0), 0.0, "bodies[0].inertia.m: must be positive"),
     Refused(StatusCode.NOT_FINITE, "bodies", (0, 0), math.inf, "bodies[0].inertia.m: must be finite"),
     Refused(StatusCode.NOT_FINITE, "bodies", (17, 0), math.nan, "bodies[0].twist.linear: must be finite"),
+    Refused(
+        StatusCode.INVALID_ORIENTATION, "bodies", (16, 1), 0.0, "bodies[1].pose.orientation: must not be 0"
+    ),
     Refused(StatusCode.UNKNOWN_BODY, "pairs", (1, 2), 7, "pairs: must be indices of 2 bodies, from 0; those"),
     Refused(StatusCode.SAME_BODY, "pairs", (1, 2), 0, "contacts[2]: a body cannot strike itself"),
     Refused(StatusCode.UNKNOWN_BODY, "names", None, "a\nb\nghost", "names[2]: is 'ghost', but no state"),

@@ -19,6 +19,7 @@ pytest.importorskip("nav_msgs")
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from ros_graph import DEADLINE, wait_until
 from std_msgs.msg import String
 
@@ -212,6 +213,15 @@ def test_a_description_may_be_a_file_and_the_body_have_another_name(graph, start
     assert (start.heard[0].name, start.heard[0].inertia.m) == ("crate", 3.0)
 
 
+def test_a_description_from_before_the_start_and_best_effort_odometry_are_used(graph, start):
+    graph.user.create_publisher(String, "robot_description", DESCRIPTION_QOS).publish(String(data=ROBOT))
+    start()
+    best_effort = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+    odom = graph.publisher(Odometry, "odom", best_effort)
+    wait_until(lambda: odom.publish(odometry(child="base_link")) or start.heard)
+    assert start.heard[0].inertia.m == 10.0
+
+
 def test_another_description_has_other_masses(start):
     source = start()
     for mass in ("9", "10"):
@@ -314,6 +324,13 @@ def test_a_tf_frame_is_a_link_with_all_that_is_fixed_to_it(graph, start, tf2_ros
         assert components(state.twist.angular) == pytest.approx((0, 0, 4), abs=1e-9)  # over a millisecond
         seconds = state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec
         assert state.pose.position.x == pytest.approx(2 * (seconds - 1))
+
+
+def test_the_rate_is_how_often_tf_is_looked_up(start, tf2_ros, tmp_path):
+    file = tmp_path / "robot.urdf"
+    file.write_text(ROBOT)
+    source = start(description_file=str(file), frames=["tool"], world_frame="map", rate=4.0)
+    assert 0.25e9 in [timer.timer_period_ns for timer in source.timers]
 
 
 def test_a_static_tf_frame_is_warned_about(graph, start, tf2_ros, tmp_path):
