@@ -399,11 +399,17 @@ def test_an_impossible_inertia_is_not_hidden_by_that_of_another_link(wrong):
             description.mass_properties(name)
 
 
-def test_rounding_of_numbers_in_files_is_no_impossible_inertia():
-    plate = "<inertia ixx='0.333' iyy='0.333' izz='0.667'/>"
+@pytest.mark.parametrize(("izz", "is_rounding"), [(0.667, True), (0.679, True), (0.681, False)])
+def test_rounding_of_numbers_in_files_is_no_impossible_inertia(izz, is_rounding):
+    """A plate has ixx + iyy = izz. Half of what izz is greater by may be a hundredth of it."""
+    plate = f"<inertia ixx='0.333' iyy='0.333' izz='{izz}'/>"
     rounded = f"<link name='a'><inertial><mass value='1'/>{plate}</inertial></link>"
-    found = body_of(urdf(rounded, link("b", 5.0), joint("b", "a")), "a")
-    assert found.mass == 6.0
+    robot = urdf(rounded, link("b", 5.0), joint("b", "a"))
+    if is_rounding:
+        assert body_of(robot, "a").mass == 6.0
+    else:
+        with pytest.raises(ValueError, match="inertia of link 'a' of 'robot' is impossible"):
+            body_of(robot, "a")
 
 
 @pytest.mark.parametrize("field", Symmetric3._fields)

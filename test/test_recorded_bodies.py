@@ -119,6 +119,19 @@ def test_a_friction_cone_stands_on_the_normal_and_holds_the_impulse(tmp_path, no
     assert regime == ["STICKING"]
 
 
+@pytest.mark.parametrize(("friction", "drawn"), [(2.75, 2.75), (3.25, 3.0), (1e300, 3.0)])
+def test_a_friction_cone_is_drawn_up_to_a_slope_of_3(tmp_path, friction, drawn):
+    request = (
+        Body.dynamic(2.0, velocity=(0.0, 0.0, -3.0)),
+        Body.static(),
+        Contact.of((0, 0, 0), (0, 0, 1), 0.5, friction),
+        ImpactModel(),
+    )
+    path = recorded(tmp_path, [Record(2, 1, "ball", "floor", *request, resolve(*request))])
+    ((_, _, [scale]),) = read(path, "/world/friction_cone", "InstancePoses3D:scales")
+    assert scale == pytest.approx([drawn * 0.45, drawn * 0.45, 0.45], rel=1e-6)  # a float of 32 bits
+
+
 def test_a_box_in_rotated_axes_is_drawn_in_its_size():
     size, turn = (1.0, 2.0, 4.0), math.radians(30)
     about_z = Quaternion(0.0, 0.0, math.sin(turn / 2), math.cos(turn / 2))

@@ -200,6 +200,31 @@ class TestReplay:
             main(["replay", str(recording([right._replace(impact=other)], "b.rrd")), "--tolerance", "1"]) == 1
         )
 
+    @pytest.mark.parametrize(
+        ("before", "tolerance", "is_reported"),
+        [
+            (lambda now: 2 * now, "0.6", False),
+            (lambda now: 2 * now, "0.4", True),
+            (lambda now: 0.0, "1e300", True),
+            (lambda now: math.inf, "1e300", True),
+        ],
+    )
+    def test_a_difference_is_relative_to_the_recorded_number(self, recording, before, tolerance, is_reported):
+        right = record(1, next(requests()))
+        wrong = right.impact._replace(kinetic_energy_after=before(right.impact.kinetic_energy_after))
+        path = str(recording([right._replace(impact=wrong)]))
+        assert main(["replay", path, "--tolerance", tolerance]) == is_reported
+
+    @pytest.mark.parametrize(("tolerance", "is_reported"), [("0.46", False), ("0.44", True)])
+    def test_a_difference_of_vectors_is_relative_to_the_whole_vector(self, recording, tolerance, is_reported):
+        """The impulse is along z and was recorded as (0.5, 0, 1) times that: 0.447 of this is wrong."""
+        contact = Contact.of((0, 0, 0), (0, 0, 1), 0.5)
+        right = record(1, (Body.dynamic(1.0, velocity=(0, 0, -1)), FLOOR, contact, ImpactModel()))
+        P = right.impact.impulse
+        wrong = right.impact._replace(impulse=P._replace(x=0.5 * P.z))
+        path = str(recording([right._replace(impact=wrong)]))
+        assert main(["replay", path, "--tolerance", tolerance]) == is_reported
+
     def test_a_request_that_is_refused_now_differs(self, recording, capsys):
         body, floor, contact, model = next(requests())
         impact = resolve(body, floor, contact, model)
@@ -427,6 +452,38 @@ class Page(HTMLParser):
         self.text += data
 
 
+class Plot:
+    """What an SVG plot shows.
+
+    Attributes:
+        key: the colour of each name.
+        curves: of each curve the colour and the places.
+        dots: of each dot the colour, the place and the title.
+    """
+
+    def __init__(self, svg):
+        self.key = {
+            name: colour
+            for colour, name in re.findall(r'<rect [^>]*fill="(\S+)"/><text [^>]*>([^<]*)</text>', svg)
+        }
+        self.curves = [
+            (colour, [tuple(map(float, place.split(","))) for place in places.split()])
+            for places, colour in re.findall(r'<polyline points="([^"]*)" stroke="(\S+)"', svg)
+        ]
+        self.dots = [
+            (colour, float(x), float(y), title)
+            for x, y, colour, title in re.findall(
+                r'<circle cx="(\S+)" cy="(\S+)" r="2.5" fill="(\S+)"><title>([^<]*)', svg
+            )
+        ]
+
+
+def is_straight(places):
+    """Whether three places at equal distances are on one line, to the rounding of a decimal."""
+    (_, first), (_, second), (_, third) = places
+    return abs(first + third - 2 * second) < 0.21
+
+
 class TestReport:
     def test_it_summarises_the_impacts(self, all_kinds, tmp_path, capsys):
         assert main(["report", str(all_kinds)]) == 0
@@ -463,6 +520,49 @@ class TestReport:
         assert page.tags.count("circle") >= 3 * count
         assert "must be <positive>; is 0" in page.text
         assert not re.search(r'(nan|inf)[^<>"]*"', text), "no place of a plot is infinite"
+
+    def test_colours_mean_what_the_key_of_a_plot_says(self, recording):
+        """Answers are exact but for the error bound that is given; the friction of the last is 0."""
+        body, contact = Body.dynamic(1.0, velocity=(3.0, 0.0, -1.0)), Contact.of((0, 0, 0), (0, 0, 1), 0.5)
+        rows = []
+        for number, friction in enumerate((0.25, 2.5, 0.0), start=1):
+            row = record(number, (body, FLOOR, contact._replace(friction=friction), ImpactModel()))
+            rows.append(row._replace(impact=row.impact._replace(error_bound=1e-3)))
+        path = recording(rows)
+        assert main(["report", str(path)]) == 0
+        energy, residual, time, cone = map(Plot, path.with_suffix(".html").read_text().split("<svg")[1:])
+        assert energy.key.keys() == {"restitution", "friction"}
+        # Restitution takes the same of each impact, so its curve is straight.
+        (straight,) = (colour for colour, places in energy.curves if is_straight(places))
+        assert straight == energy.key["restitution"]
+        assert [y for colour, _, y, _ in residual.dots if colour == residual.key["found"]] == [280.0] * 3
+        bound = residual.key["error bound of the answer"]
+        assert [y for colour, _, y, _ in residual.dots if colour == bound] == [83.3] * 3  # 15 of 18 powers
+        for plot, count in (time, 3), (cone, 2):
+            assert len(plot.dots) == count
+            for colour, _, _, title in plot.dots:
+                (regime,) = (name for name in ("SLIDING", "STICKING") if name in title)
+                assert colour == plot.key[regime]
+        assert time.key["SLIDING"] != time.key["STICKING"]
+
+    def test_an_impulse_that_slides_is_on_the_edge_of_its_cone(self, recording):
+        """The greatest friction is a twentieth from the end of both axes; slope 0 is where they meet."""
+        body, contact = Body.dynamic(1.0, velocity=(3.0, 0.0, -1.0)), Contact.of((0, 0, 0), (0, 0, 1), 0.5)
+        frictions = (0.25, 0.5)
+        rows = [
+            record(number, (body, FLOOR, contact._replace(friction=friction), ImpactModel()))
+            for number, friction in enumerate(frictions, start=1)
+        ]
+        path = recording(rows)
+        assert main(["report", str(path)]) == 0
+        cone = Plot(path.with_suffix(".html").read_text().split("<svg")[4])
+        left, right, top, bottom = 64, 548, 44, 280
+        assert cone.curves == [(cone.key["edge of the cone"], [(left, bottom), (right, top)])]
+        for (_, x, y, _), friction in zip(cone.dots, frictions, strict=True):
+            part = friction / (1.05 * 0.5)
+            # Places have one decimal.
+            assert x == pytest.approx(left + part * (right - left), abs=0.06)
+            assert y == pytest.approx(bottom - part * (bottom - top), abs=0.06)
 
     @pytest.mark.filterwarnings("error")
     @pytest.mark.parametrize("count", [1, 2, 60])
@@ -593,6 +693,12 @@ def test_scenes_are_read_and_replayed(recording, capsys):
         assert row["impulses"] == [x for impulse in entry.impact.impulses for x in impulse]
         assert row["twists"][:3] == [*entry.impact.twists[0].linear]
         assert row["error_bound"] == entry.impact.error_bound
+        used = entry.impact.contacts
+        assert row["restitution"] == [contact.restitution for contact in used]
+        assert row["friction"] == [contact.friction for contact in used]
+        assert row["normal_velocities_before"] == [*entry.impact.normal_velocities_before]
+        assert row["normal_velocities_after"] == [*entry.impact.normal_velocities_after]
+        assert row["regimes"] == [*map(str, entry.impact.regimes)]
     assert main(["replay", str(path)]) == 0
     assert (
         capsys.readouterr().out == "1 impacts and 3 scenes computed again, 0 of them with different answers\n"

@@ -410,6 +410,56 @@ def test_a_truncated_file_can_be_recovered(tmp_path, program, code):
         assert told[0][2] == ["6b86b273ff34fce19d6b804eff5a3f5747ada4eaa22f1d49c01e52ddb7875b4b"]
 
 
+@pytest.fixture
+def written(monkeypatch):
+    """The file and the number of each answer, and a semaphore that counts them; nothing is written."""
+    answers, count = [], threading.Semaphore(0)
+
+    class Stub:
+        def __init__(self, path, recording):
+            self.name = path.name
+
+        def __enter__(self):
+            return SimpleNamespace(write=self.write, file=FILE)
+
+        def write(self, batch):
+            for entry in batch:
+                answers.append((self.name, entry.sequence))
+                count.release()
+
+        def __exit__(self, *_):
+            pass
+
+    monkeypatch.setattr("collision_response.recording.writer.Writer", Stub)
+    return answers, count
+
+
+def test_a_file_begins_with_its_first_entry_and_ends_after_max_duration(tmp_path, monkeypatch, written):
+    answers, count = written
+    now = [0.0]
+    monkeypatch.setattr("collision_response.recording.recorder.INTERVAL", 0.0)
+    clock = SimpleNamespace(monotonic=lambda: now[0])
+    monkeypatch.setattr("collision_response.recording.recorder.time", clock)
+    recorder = Recorder(tmp_path, pytest.fail, name="a.rrd", max_size=0.0, max_duration=10.0)
+    for sequence, now[0] in enumerate((100.0, 109.0, 110.0, 119.0, 120.0, 200.0), start=1):
+        recorder.add(impact(sequence))
+        assert count.acquire(timeout=DEADLINE)
+    recorder.close()
+    files = ["a.rrd", "a.rrd", "a_001.rrd", "a_001.rrd", "a_002.rrd", "a_003.rrd"]
+    assert answers == list(zip(files, range(1, 7), strict=True))
+
+
+def test_half_of_the_capacity_is_written_at_once(tmp_path, monkeypatch, written):
+    """The first entry may or may not still wait when the others come."""
+    monkeypatch.setattr("collision_response.recording.recorder.INTERVAL", 2 * DEADLINE)
+    recorder = Recorder(tmp_path, pytest.fail, capacity=8)
+    for sequence in range(1, 7):
+        recorder.add(impact(sequence))
+    assert written[1].acquire(timeout=DEADLINE)
+    recorder.close()
+    assert [sequence for _, sequence in written[0]] == [1, 2, 3, 4, 5, 6]
+
+
 def test_entries_beyond_the_queue_are_dropped_and_counted(tmp_path, monkeypatch):
     opened, go_on, written = threading.Event(), threading.Event(), []
 
