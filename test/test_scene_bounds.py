@@ -243,6 +243,25 @@ def test_loads_that_hardly_can_be_shared(seed):
     assert distance(scene, other, exact) <= other.error_bound
 
 
+def test_impulses_that_creep_are_not_preferred_to_those_of_least_work():
+    """Coulomb's conditions have a solution that seems exact, but creeps: it is known to 1e-6 only."""
+    assert opposites(5784).resolve(Law.COULOMB).error_bound < SMALL
+
+
+@pytest.mark.parametrize("seed", [7640, 11985])
+def test_a_solution_that_lies_apart_says_nothing_of_the_error_of_another(seed):
+    """From other shares of the load, Newton's method leads to another solution of Coulomb's conditions."""
+    scene = opposites(seed)
+    assert_small_bound_in_any_order(scene, law=Law.MOREAU)
+    assert not scene.resolve(Law.MOREAU).adjustments & Adjustment.LAW_FALLBACK
+
+
+def test_where_contacts_lock_friction_has_no_bound():
+    """Solutions that are close to each other agree to a hundredth."""
+    answer = opposites(5090).resolve(Law.MOREAU)
+    assert (answer.status, answer.error_bound) == (StatusCode.TOLERANCE_NOT_MET, math.inf)
+
+
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
 @pytest.mark.parametrize("heavy", [1e8, 100839859.4879586])
 def test_impulses_that_diverge_in_doubles_are_found_with_more_digits(heavy, law):
