@@ -284,6 +284,15 @@ def test_impulses_that_diverge_in_doubles_are_found_with_more_digits(heavy, law)
     assert_within_bound(scene, answer, scene.in_fractions().resolve(Law.FRICTIONLESS))
 
 
+@pytest.mark.parametrize("seed", [14290, 20091])
+def test_moreau_without_friction_is_exact_where_doubles_know_little(seed):
+    """Their error bounds are above 1e-6."""
+    scene = opposites(seed).with_contacts(friction=0.0)
+    answer = scene.resolve(Law.MOREAU)
+    assert answer.error_bound < 1e-15  # the rounding of an exact answer
+    assert_within_bound(scene, answer, scene.in_fractions().resolve(Law.MOREAU))
+
+
 def light_box_on_heavy_one(heavy: float, light: float, e: float, mu: float = 0.0) -> Scene:
     """A light box falls on a heavy one, which lies on a third."""
     bodies = [
