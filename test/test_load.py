@@ -312,7 +312,9 @@ def test_answers_to_a_client_that_leaves_are_at_risk_unless_it_has_asked_again(g
     field = "answers to clients that left, perhaps not received"
     wait_until(lambda: last()[1][field] != "0")
     assert last()[1][field] == at_risk
-    if not asks_again:
+    if asks_again:
+        assert not any("a client has left" in text for text in logged)
+    else:
         wait_until(lambda: any("it is not known whether it received 2 answers" in text for text in logged))
 
 

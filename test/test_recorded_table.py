@@ -534,7 +534,7 @@ class TestReport:
         assert energy.key.keys() == {"restitution", "friction"}
         # Restitution takes the same of each impact, so its curve is straight.
         (straight,) = (colour for colour, places in energy.curves if is_straight(places))
-        assert straight == energy.key["restitution"]
+        assert straight == energy.key["restitution"] != energy.key["friction"]
         assert [y for colour, _, y, _ in residual.dots if colour == residual.key["found"]] == [280.0] * 3
         bound = residual.key["error bound of the answer"]
         assert [y for colour, _, y, _ in residual.dots if colour == bound] == [83.3] * 3  # 15 of 18 powers
@@ -545,24 +545,27 @@ class TestReport:
                 assert colour == plot.key[regime]
         assert time.key["SLIDING"] != time.key["STICKING"]
 
-    def test_an_impulse_that_slides_is_on_the_edge_of_its_cone(self, recording):
-        """The greatest friction is a twentieth from the end of both axes; slope 0 is where they meet."""
+    @pytest.mark.parametrize("slopes", [(0.25, 0.5), (0.25, 0.125), (0.25, 1.0)])
+    def test_impulses_are_drawn_in_their_cones_or_beside_them(self, recording, slopes):
+        """Both axes begin at 0 and end a twentieth beyond the greatest slope or friction. The first impact
+        slides, the second was recorded with another slope.
+        """
         body, contact = Body.dynamic(1.0, velocity=(3.0, 0.0, -1.0)), Contact.of((0, 0, 0), (0, 0, 1), 0.5)
-        frictions = (0.25, 0.5)
-        rows = [
-            record(number, (body, FLOOR, contact._replace(friction=friction), ImpactModel()))
-            for number, friction in enumerate(frictions, start=1)
-        ]
+        frictions, rows = (0.25, 0.5), []
+        for number, (friction, slope) in enumerate(zip(frictions, slopes, strict=True), start=1):
+            row = record(number, (body, FLOOR, contact._replace(friction=friction), ImpactModel()))
+            impact = row.impact._replace(tangential_impulse=slope * row.impact.normal_impulse)
+            rows.append(row._replace(impact=impact))
         path = recording(rows)
         assert main(["report", str(path)]) == 0
         cone = Plot(path.with_suffix(".html").read_text().split("<svg")[4])
         left, right, top, bottom = 64, 548, 44, 280
         assert cone.curves == [(cone.key["edge of the cone"], [(left, bottom), (right, top)])]
-        for (_, x, y, _), friction in zip(cone.dots, frictions, strict=True):
-            part = friction / (1.05 * 0.5)
+        most = 1.05 * max(*frictions, *slopes)
+        for (_, x, y, _), friction, slope in zip(cone.dots, frictions, slopes, strict=True):
             # Places have one decimal.
-            assert x == pytest.approx(left + part * (right - left), abs=0.06)
-            assert y == pytest.approx(bottom - part * (bottom - top), abs=0.06)
+            assert x == pytest.approx(left + friction / most * (right - left), abs=0.06)
+            assert y == pytest.approx(bottom - slope / most * (bottom - top), abs=0.06)
 
     @pytest.mark.filterwarnings("error")
     @pytest.mark.parametrize("count", [1, 2, 60])
