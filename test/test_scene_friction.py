@@ -172,6 +172,36 @@ def test_a_braked_box_topples_whatever_the_noise_of_its_normals(off, seed):
     assert answer.twists[0].angular.y == pytest.approx(turn, abs=10 * answer.error_bound + 100 * off)
 
 
+@pytest.mark.parametrize("floor", [0.0, 1e-300, 1e-12, 0.5], ids="floor at {}".format)
+@pytest.mark.parametrize("off", [0.0, 1e-12, 1e-9])
+@pytest.mark.parametrize("points", [2, 4, 6, 9])
+@pytest.mark.parametrize(
+    ("height", "velocity", "e", "mu", "after"),
+    [
+        (4, (0.5, -0.1), 1.0, 0.6, (0.340625, 0.165625, 0.13125)),
+        (6, (0.5, -0.1), 0.0, 0.8, (0.384375, 0.04453125, 0.0890625)),
+        (3, (3.0, -1.0), 0.5, 0.8, (1.6875, 1.0625, 1.125)),
+        (3, (3.0, -0.1), 1.0, 1.5, (1.98, 0.76, 1.32)),
+    ],
+)
+def test_a_braked_box_pitches_forward_for_every_observer(height, velocity, e, mu, after, points, off, floor):
+    """The rear edge parts, and the front edge slides or sticks: in the plane, the only solution."""
+    rng = random.Random(points)
+    (v_x, v_z), z = velocity, height / 2
+    box = Body.box(1.0, (1, 1, height), position=(0, 0, z), velocity=(v_x, floor, v_z))
+    places = {2: [0], 4: [-0.5, 0.5], 6: [-0.5, 0, 0.5], 9: [-0.5, 0, 0.5]}[points]
+    contacts = [
+        Contact.of((x, y, 0), (off * rng.uniform(-1, 1), off * rng.uniform(-1, 1), 1), e, mu)
+        for x in ((-0.5, 0.0, 0.5) if points == 9 else (-0.5, 0.5))
+        for y in places
+    ]
+    scene = Scene([box, Body.kinematic((0, 0, 0), (0, floor, 0))], [(0, 1)] * points, contacts)
+    answer = scene.resolve(Law.COULOMB)
+    (twist, _) = answer.twists
+    near = {"abs": 10 * answer.error_bound + 100 * off}
+    assert (twist.linear.x, twist.linear.z, twist.angular.y) == pytest.approx(after, **near)
+
+
 @pytest.mark.parametrize("drift", [0.0, -1e-12, 1e-12, -1e-9, -1e-6])
 @pytest.mark.parametrize("mu", [0.2, 0.5, 1.0])
 def test_a_ball_that_turns_on_the_floor_rubs_on_the_wall_beside_it(mu, drift):

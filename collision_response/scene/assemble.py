@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, NamedTuple
 
+from .. import validity
 from ..arguments import check_number
 from ..in_python.coefficients_at_speed import approach_speed, initial_friction, restitutions_at_speeds
 from ..in_python.request_numbers import as_fraction, body_as_fractions, contact_as_fractions

@@ -226,11 +226,12 @@ struct LeastWork {
   std::optional<Solution> by_coulombs_conditions(bool presses) const {
     constexpr double BUDGET = 1e8;  // multiplications: a tenth of a second
     constexpr double COARSEST = 1e-5;  // error bound: far above most, so that rounding hardly decides
-    auto rebound = [this](int i, const FaceAxes& face) {
-      const bool rebounds = shared.part[i] > 0 && frictionless.restitution > 0;
-      return rebounds ? face.normal_part(before.velocity(i)) : 0;
-    };
-    const ClusterImpulses impulses = obey_coulomb(assembly, rebound, BUDGET);
+    const std::vector<ConditionAxes> axes = face_axes(assembly);
+    std::vector<Axes> rebounds(assembly.count);
+    for (int i : loaded)
+      if (frictionless.restitution > 0) rebounds[i] = before.velocity(i);
+    const bool on_faces = std::all_of(loaded.begin(), loaded.end(), [&](int i) { return axes[i].on_face; });
+    const ClusterImpulses impulses = obey_coulomb(assembly, axes, rebounds, BUDGET, on_faces);
     if (!impulses.are_found) return {};
     Solution found{{}, Motion(assembly), impulses.error, 0};
     for (int i = 0; i < assembly.count; ++i) {

@@ -16,6 +16,9 @@
 // There may be several solutions, and many where friction is great or where more contacts than necessary share a load.
 // Contacts that give choose one that is as symmetric as the scene.
 //
+// Where the normals of a face are off by rounding, the least of these differences may decide which solution is found. So the
+// equations are solved for contacts with the axes of their face first. The own axes then only make this more exact.
+//
 // The error bound is an estimate. P obeys the conditions exactly for velocities that differ a little: see off(). The
 // equations are solved again for velocities that differ by more, and for other Q, and the greatest change of y counts. If
 // y changes with Q, a load can be shared in several ways that differ in their effect: then the bound is infinite. So it is
@@ -28,7 +31,6 @@
 #include <optional>
 
 #include "contact_cones.hpp"
-#include "motion.hpp"
 #include "shared_loads.hpp"
 #include "skyline.hpp"
 
@@ -42,15 +44,15 @@ class Conditions {
   std::vector<Axes> P;
   Vector y;
 
-  Conditions(const Assembly& assembly, const std::vector<FaceAxes>& faces, const Vector& rebounds, double speed,
-             double budget)
+  Conditions(const Assembly& assembly, const std::vector<ConditionAxes>& given, const std::vector<Axes>& rebounds,
+             double speed, double budget)
       : P(assembly.count), y(6 * static_cast<size_t>(assembly.body_count)), budget(budget), from(P), slopes(P.size()) {
     const double mean = mean_inverse_mass(assembly, assembly.all_contacts());
     ContactGraph graph{assembly.body_count, false};
     for (int i = 0; i < assembly.count; ++i) {
       const AssembledContact& contact = assembly.contacts[i];
-      Cone<double> cone = cone_of(contact, faces[i].axes, speed, mean);
-      cone.w[0] -= rebounds[i] * contact.unit() / speed;
+      Cone<double> cone = cone_of(contact, given[i].axes, speed, mean);
+      cone.w[0] -= given[i].normal_part(rebounds[i]) * contact.unit() / speed;
       graph.pairs.push_back({cone.body[0], cone.body[1]});
       cones.push_back(cone);
     }
@@ -66,6 +68,16 @@ class Conditions {
     return true;
   }
 
+  // From impulses that nearly solve the equations. Whether they lead to a solution.
+  bool solve_from(std::vector<Axes> nearly) {
+    P = std::move(nearly);
+    set_motion();
+    from = P;
+    if (!proximal_step(FIRM)) return false;
+    sharpen(PATIENCE);
+    return true;
+  }
+
   // How far the velocities of a contact are, at most, from those for which P obeys the conditions exactly.
   double off() const {
     double most = 0;
@@ -73,18 +85,21 @@ class Conditions {
     return most;
   }
 
-  // The same equations for velocities that differ by about `size`, and for a Q that differs from P by about this `part`,
-  // by amounts that do not depend on the order of contacts.
+  // The same equations for velocities that differ by about `size`, and for a Q that differs from P by about this `part`, also
+  // where P is 0, by amounts that do not depend on the order of contacts.
   bool solve_nearby(double size, double part, double phase) {
     budget = multiplications() + budget / 4;
+    const double most = greatest();
     for (size_t i = 0; i < cones.size(); ++i) {
       Cone<double>& cone = cones[i];
       for (int k = 0; k < (cone.mu > 0 ? 3 : 1); ++k) cone.w[k] += size * uneven(cone, k, phase);
       from[i] = P[i];
       for (double& one : from[i]) one *= 1 + part * uneven(cone, 0, phase);
+      if (!(P[i][0] > 0)) from[i][0] = part * most * std::fabs(uneven(cone, 0, phase));
     }
     // Velocities that differ change P by rho times as much.
-    if (!proximal_step(std::fmin(HARD, -2 - std::log10(std::fabs(size))))) return false;
+    const double unit = std::fmax(1, greatest());
+    if (!proximal_step(std::fmin(HARD, std::log10(0.01 * unit / std::fabs(size))))) return false;
     // Such velocities hardly ever allow an exact P, where contacts share a load.
     sharpen(size == 0 ? PATIENCE : 1);
     return true;
@@ -304,8 +319,7 @@ class Conditions {
 };
 
 // An estimate of the error of y: how far it is from the y of other velocities, and of other shares of the load. `turned`:
-// by how much velocities differ because contacts have the axes of their face. `on_faces`: whether each contact that is
-// loaded is on one face with another. Then P may creep, because impulses only shift between these.
+// by how much velocities differ because contacts have the axes of their face.
 double motion_error(const Conditions& solved, double turned, bool on_faces) {
   // Relative to velocities and impulses. Places or normals that are off by 1e-9 make P creep for slips of CREEPING.
   constexpr double EXACT = 0x1p-44, CREEPING = 0x1p-30, ROUNDING = 0x1p-50;
@@ -337,6 +351,12 @@ double motion_error(const Conditions& solved, double turned, bool on_faces) {
   if (!is_known) return INFINITY;
 
   constexpr double SEVERAL = 1e-3, APART = 10;  // changes of y: of shares that matter, and of solutions that lie apart
+  constexpr double SLIGHT = 1e-6;  // change of velocities, which must not decide where P that creep end
+  const bool do_creep = off > EXACT * unit;
+  for (int k = 0; k < TRIES && do_creep; ++k)
+    for (double size : {-SLIGHT, SLIGHT})
+      if (const auto other = nearby(size, 0, k); other && distance(*other) > SEVERAL * greatest) return INFINITY;
+
   constexpr double OTHER = 0.01;  // relative change of the shares
   constexpr double EXCESS = 10;  // of a change of y over what this explains
   is_known = false;
@@ -349,93 +369,108 @@ double motion_error(const Conditions& solved, double turned, bool on_faces) {
     if (by_shares > std::fmax(SEVERAL * greatest, most)) return INFINITY;
     most = std::fmax(most, by_shares);
   }
-  if (off > EXACT * unit) most = std::fmax(most, LEAST_OF_CREEPING);
+  if (do_creep) most = std::fmax(most, LEAST_OF_CREEPING);
   return is_known ? CAUTION * most : INFINITY;
 }
 
-std::vector<FaceAxes> face_axes(const Assembly& assembly) {
-  std::vector<FaceAxes> faces;
-  for (int i = 0; i < assembly.count; ++i) {
-    const AssembledContact& own = assembly.contacts[i];
-    int first = 0;
-    while (first < i && !are_on_one_face(assembly, i, first)) ++first;
-    const AssembledContact& like = assembly.contacts[first];
-    if (std::equal(own.normal, own.normal + 3, like.normal)) {
-      faces.push_back({own.axes, {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}});
-      continue;
-    }
-    const auto from = own.unit_vectors<double>(), to = like.unit_vectors<double>();
-    const double sign = dot(from[0].data(), to[0].data(), 3) < 0 ? -1 : 1;  // the bodies of `like` may be swapped
-    FaceAxes face{};
-    for (int a = 0; a < 3; ++a)
-      for (int b = 0; b < 3; ++b) {
-        const double part = face.in_own[a][b] = sign * dot(to[a].data(), from[b].data(), 3);
-        face.axes[a].velocity += part * own.axes[b].velocity;
-        for (int side = 0; side < 2; ++side)
-          for (int k = 0; k < 6; ++k) face.axes[a].row[side][k] += part * own.axes[b].row[side][k];
-      }
-    faces.push_back(face);
-  }
-  return faces;
-}
-
-// An impulse along the axes of a face, turned into the own axes of the contact.
-Axes turned_back(const Axes& P, const FaceAxes& face) {
-  Axes own{P[0], 0, 0};
+// An impulse along given axes, along the own axes of the contact; in its own cone.
+Axes along_own_axes(const Axes& P, const ConditionAxes& given, double mu) {
+  Axes own{};
   for (int a = 0; a < 3; ++a)
-    for (int b = 1; b < 3; ++b) own[b] += P[a] * face.in_own[a][b];
-  const double is = std::hypot(own[1], own[2]), was = std::hypot(P[1], P[2]);
-  for (int b = 1; b < 3 && is > 0; ++b) own[b] *= was / is;
+    for (int b = 0; b < 3; ++b) own[b] += P[a] * given.in_own[a][b];
+  if (!(own[0] > 0)) return {};
+  const double t = std::hypot(own[1], own[2]), most = mu * own[0];
+  for (int b = 1; b < 3 && t > most; ++b) own[b] *= most / t;
   return own;
 }
 
 }  // namespace
 
-ClusterImpulses obey_coulomb(const Assembly& assembly, const std::function<double(int, const FaceAxes&)>& rebound,
-                             double budget) {
+std::vector<ConditionAxes> own_axes(const Assembly& assembly) {
+  std::vector<ConditionAxes> all;
+  for (const AssembledContact& contact : assembly.contacts) all.push_back({contact.axes});
+  return all;
+}
+
+std::vector<ConditionAxes> face_axes(const Assembly& assembly) {
+  constexpr double ROUNDING = 0x1p-50;  // of a unit normal
+  std::vector<ConditionAxes> all = own_axes(assembly);
+  for (int i = 0; i < assembly.count; ++i)
+    for (int j = 0; j < i; ++j) {
+      if (!are_on_one_face(assembly, i, j)) continue;
+      all[i].on_face = all[j].on_face = true;
+      const AssembledContact& own = assembly.contacts[i];
+      const auto from = own.unit_vectors<double>(), to = assembly.contacts[j].unit_vectors<double>();
+      const double sign = dot(from[0].data(), to[0].data(), 3) < 0 ? -1 : 1;  // the bodies may be swapped
+      for (int k = 0; k < 3; ++k)
+        all[i].is_turned = all[i].is_turned || std::fabs(sign * to[0][k] - from[0][k]) > ROUNDING;
+      if (all[i].is_turned) {
+        all[i].axes = {};
+        for (int a = 0; a < 3; ++a)
+          for (int b = 0; b < 3; ++b) {
+            const double part = all[i].in_own[a][b] = sign * dot(to[a].data(), from[b].data(), 3);
+            all[i].axes[a].velocity += part * own.axes[b].velocity;
+            for (int side = 0; side < 2; ++side)
+              for (int k = 0; k < 6; ++k) all[i].axes[a].row[side][k] += part * own.axes[b].row[side][k];
+          }
+      }
+      break;
+    }
+  return all;
+}
+
+ClusterImpulses obey_coulomb(const Assembly& assembly, const std::vector<ConditionAxes>& axes,
+                             const std::vector<Axes>& rebounds, double budget, bool on_faces) {
   constexpr double SOLVED = 1e-6;  // greatest off(), and a hundred times this, of the greatest impulse
-  const std::vector<FaceAxes> faces = face_axes(assembly);
   std::vector<Axes> P(assembly.count);
-  Vector rebounds;
   double speed = 0;
   bool approach = false;
-  for (int i = 0; i < assembly.count; ++i) {
-    const AssembledContact& contact = assembly.contacts[i];
+  for (const AssembledContact& contact : assembly.contacts) {
     const auto& u = contact.axes;
     const bool has_friction = contact.mu > LEAST_FRICTION;  // without friction, the slip may be anything
     const double size = std::hypot(u[0].velocity, has_friction * u[1].velocity, has_friction * u[2].velocity);
     speed = std::fmax(speed, size * contact.unit());
     approach = approach || u[0].velocity < 0;
-    rebounds.push_back(rebound(i, faces[i]));
   }
   if (!approach) return with_axis_impulses({}, assembly, P);  // impulses of 0 are a solution
-  Conditions conditions(assembly, faces, rebounds, speed, budget);
+  Conditions conditions(assembly, axes, rebounds, speed, budget);
   if (!conditions.solve()) return {false};
   if (!(conditions.off() <= SOLVED * std::fmin(1, 100 * conditions.greatest()))) return {false};
-  Motion after(assembly);
+  double turned = 0;  // by how much velocities along the given axes and along the own ones differ
+  Vector by(conditions.y.size());  // and how much the effects of impulses along them
+  std::vector<Axes> along_own = conditions.P;
+  const double mean = mean_inverse_mass(assembly, assembly.all_contacts());
   for (int i = 0; i < assembly.count; ++i) {
-    const Axes along_face = in_newton_seconds(conditions.P[i], assembly.contacts[i], speed);
-    P[i] = turned_back(along_face, faces[i]);
-    after.apply(i, P[i]);
+    const Axes& found = conditions.P[i];
+    if (!axes[i].is_turned || !(found[0] > 0)) continue;
+    const AssembledContact& contact = assembly.contacts[i];
+    const Cone<double> given = cone_of(contact, axes[i].axes, speed, mean);
+    const Cone<double> own = cone_of(contact, contact.axes, speed, mean);
+    along_own[i] = along_own_axes(found, axes[i], own.mu);
+    given.add_effect({-found[0], -found[1], -found[2]}, by);
+    own.add_effect(along_own[i], by);
+    const Axes u = given.velocity(conditions.y.data()), v = own.velocity(conditions.y.data());
+    for (int a = 0; a < 3; ++a) turned = std::fmax(turned, std::fabs(own.w[a] + v[a] - given.w[a] - u[a]));
   }
-  double turned = 0;  // by how much the velocities along both axes differ
-  for (int i = 0; i < assembly.count; ++i) {
-    const Axes u = after.velocity(i);
-    for (int a = 0; a < 3; ++a) {
-      const Axes& in_own = faces[i].in_own[a];
-      const double off = u[a] - (in_own[0] * u[0] + in_own[1] * u[1] + in_own[2] * u[2]);
-      turned = std::fmax(turned, std::fabs(off) * assembly.contacts[i].unit() / speed);
+  double error = motion_error(conditions, turned, on_faces) + length_of(by);
+  if (turned > 0 && error < INFINITY) {
+    // The conditions along the own axes, if they lead to nearly the same motion.
+    constexpr double NEAR = 1e-5;  // relative to the greatest impulse
+    Conditions exact(assembly, own_axes(assembly), rebounds, speed, budget);
+    if (exact.solve_from(along_own)) {
+      Vector off = exact.y;
+      increase(off, -1, conditions.y);
+      const double apart = length_of(off);
+      if (apart <= std::fmax(error, NEAR * conditions.greatest())) {
+        error = std::fmax(error, apart);
+        const double error_of_exact = motion_error(exact, 0, on_faces);
+        if (error_of_exact <= error) {
+          along_own = exact.P;
+          error = error_of_exact;
+        }
+      }
     }
   }
-  Vector by = after.y;
-  increase(by, -speed, conditions.y);
-  auto is_on_face = [&](int i) {
-    for (int j = 0; j < assembly.count; ++j)
-      if (j != i && are_on_one_face(assembly, i, j)) return true;
-    return false;
-  };
-  bool on_faces = true;
-  for (int i = 0; i < assembly.count && on_faces; ++i) on_faces = !(P[i][0] > 0) || is_on_face(i);
-  const double error = speed * motion_error(conditions, turned, on_faces) + length_of(by);
-  return with_axis_impulses({true, {}, assembly.is_locked ? INFINITY : error}, assembly, P);
+  for (int i = 0; i < assembly.count; ++i) P[i] = in_newton_seconds(along_own[i], assembly.contacts[i], speed);
+  return with_axis_impulses({true, {}, assembly.is_locked ? INFINITY : speed * error}, assembly, P);
 }

@@ -18,10 +18,10 @@
 ClusterImpulses moreau(const Assembly& assembly, bool has_friction) {
   constexpr double BUDGET = 2e9;  // multiplications: a second or two
   if (has_friction) {
-    auto rebound = [&](int i, const FaceAxes& face) {
-      return -assembly.contacts[i].e * std::fmin(face.axes[0].velocity, 0);
-    };
-    return obey_coulomb(assembly, rebound, BUDGET);
+    std::vector<Axes> rebounds;
+    for (const AssembledContact& contact : assembly.contacts)
+      rebounds.push_back({-contact.e * std::fmin(contact.axes[0].velocity, 0), 0, 0});
+    return obey_coulomb(assembly, own_axes(assembly), rebounds, BUDGET, false);
   }
   auto separates = [](const AssembledContact& contact) { return high(contact.velocity) >= 0; };
   if (std::all_of(assembly.contacts.begin(), assembly.contacts.end(), separates))
