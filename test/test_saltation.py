@@ -359,10 +359,12 @@ def test_on_a_floor_every_law_is_reliable(law):
 @pytest.mark.parametrize("law", [law for law in Law if law is not Law.COMPLIANT])
 @pytest.mark.parametrize("velocity", [(2.0, 0.5, -3.0), (0.0, 0.0, -3.0)], ids=["slips", "falls"])
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
-def test_without_friction_every_law_is_reliable(law, velocity, restitution):
+@pytest.mark.parametrize("normal", [(0, 0, 1), (-0.3, 0.2, 0.9), (-2, 1.5, 2)], ids=str)
+def test_without_friction_every_law_is_reliable(law, velocity, restitution, normal):
     """If friction is 0 for sure, neither its derivative matters nor whether the contact slips."""
-    bodies = ball(velocity=velocity, angular_velocity=(0.0, 0.0, 0.0)), Body.static()
-    request = *bodies, Contact.of((0, 0, 0), (0, 0, 1), restitution), ImpactModel(law), np.diag(SD**2)
+    n = np.array(normal) / math.hypot(*normal)
+    body = ball(velocity=velocity, angular_velocity=(0.0, 0.0, 0.0))._replace(position=Vec3(*(RADIUS * n)))
+    request = body, Body.static(), Contact.of((0, 0, 0), n, restitution), ImpactModel(law), np.diag(SD**2)
     after = propagate_covariance(*request, sphere_on_plane(RADIUS), restitution_sd=0.02, normal_sd=0.005)
     assert after.is_reliable
 

@@ -127,7 +127,8 @@ def propagate_covariance(
     regimes = tuple(dict.fromkeys(one.regime for one in likely))
     has_friction = contact.friction > 0 or friction_sd > 0  # if not, a contact that sticks just does not slip
     differ = {Regime.SEPARATING, Regime.STICKING} if has_friction else {Regime.SEPARATING}
-    has_one_behaviour = (len(regimes) == 1 or differ.isdisjoint(regimes)) and not _slides_back(likely)
+    may_slide_back = has_friction and _slides_back(likely)
+    has_one_behaviour = (len(regimes) == 1 or differ.isdisjoint(regimes)) and not may_slide_back
     may_jump = _has_jump(likely, has_restitution=contact.restitution > 0 or restitution_sd > 0)
     certain = [name for name, sd in zip(COEFFICIENTS, deviations[:2], strict=True) if sd == 0]
     used = [linearised.derivatives.smoothness[part] for name, part in columns.items() if name not in certain]
