@@ -418,14 +418,15 @@ def test_losses_are_counted_of_a_limited_number_of_publishers(monkeypatch):
     assert store.states.lost == 2
 
 
-def test_names_with_two_publishers_are_reported_up_to_a_limited_number(monkeypatch):
+def test_two_publishers_of_many_bodies_are_reported_once_and_a_limited_number_of_pairs(monkeypatch):
     monkeypatch.setattr(states, "MAX_PUBLISHERS", 2)
     store = StateStore()
-    for name in "abc":
-        for publisher in (1, 2, 1):
-            store.hear(ball(name=name), publisher)
-    told = [report.partition(",")[0] for report in store.reports]
-    assert told == [f"two publishers send states of '{name}'" for name in "ab"]
+    for first, names in ((1, "abc"), (3, "d"), (5, "e")):
+        for name in names:
+            for publisher in (first, first + 1, first):
+                store.hear(ball(name=name), publisher)
+    told = [report.partition(", number")[0] for report in store.reports]
+    assert told == [f"two publishers send states of the same bodies, such as '{name}'" for name in "ad"]
 
 
 def test_lost_tables_have_a_warning_of_their_own():
@@ -443,7 +444,8 @@ def test_two_publishers_of_one_name_are_reported_once():
     for publisher in (1, 2, 1, 2, 1):
         store.hear(left(0.0), publisher=publisher)
     assert [report for report in store.reports if "two publishers" in report] == [
-        "two publishers send states of 'left', number 1 and number 2: the state with the latest stamp is used"
+        "two publishers send states of the same bodies, such as 'left', number 1 and number 2: "
+        "the state with the latest stamp is used"
     ]
 
 

@@ -83,6 +83,8 @@ def test_parameters_have_defaults_descriptions_and_limits(shared_node):
         ("budget.contacts", 0, "0"),
         ("budget.scene_contacts", 4097, "4097"),
         ("max_state_wait", 61.0, "61.0"),
+        ("max_state_wait", 60.00005, "must be in [0, 60]; is 60.00005"),
+        ("restitution", 1.0000009, "must be in [0, 1]; is 1.0000009"),
         ("max_bodies", 5, "read-only"),
         ("law", "coulomp", "frictionless, coulomb"),
         ("geometry", "flat", "point, planar, spatial"),

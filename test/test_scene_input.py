@@ -143,7 +143,9 @@ def test_arguments_of_the_wrong_type_are_refused_by_name(request_, message):
         resolve_scene(*request_)
 
 
-NOT_NUMBERS = [None, "x", "", (1, 2), [1], {}, object(), np.array([1.0, 2.0]), Decimal("NaN"), 1j, True]
+KNOT: list[object] = []
+KNOT.append(KNOT)
+NOT_NUMBERS = [None, "x", "", (1, 2), [1], {}, object(), np.array([1.0, 2.0]), Decimal("NaN"), 1j, True, KNOT]
 
 
 @pytest.mark.parametrize("value", NOT_NUMBERS, ids=lambda value: type(value).__name__)

@@ -34,8 +34,8 @@ class Counters:
         unsent: answers that the middleware did not accept.
         dropped: requests dropped because their client left before the answer.
         at_risk: answers sent to a client between the last sign of life from it and the discovery that it has
-            left.
-        unreadable: requests that could not be read: malformed, or larger than memory allows.
+            left. A single one does not count: no client confirms its last answer.
+        unreadable: requests that could not be read.
         latencies: of the last requests: time from receiving the request to sending the answer [s].
     """
 

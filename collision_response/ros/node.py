@@ -121,7 +121,7 @@ class CollisionResponseNode(DeclaringNode):
         counters = Counters()
         Diagnostics(self, counters, self._states, self._entries_not_recorded, lambda: self._server.waiting())
         parameters.warn_of_unknown(self, given)
-        if value("recording.enabled"):  # now: a start that fails leaves no file
+        if value("recording.enabled"):  # before the services: most starts that fail leave no file
             self._recorder = answer_log.recorder = Recorder(
                 Path(value("recording.directory")),
                 self.get_logger().warning,

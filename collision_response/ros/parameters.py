@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
@@ -260,7 +260,8 @@ def declare(node: DeclaringNode, declarations: Iterable[Declaration]) -> set[str
         given.pop(name, None)
     for name in given:
         node.undeclare_parameter(name)
-    node.add_on_set_parameters_callback(validate)
+    limits = {one.name: (one.least, one.most) for one in declarations}
+    node.add_on_set_parameters_callback(partial(validate, limits))
     for declaration in declarations:
         name, default = declaration.name, declaration.default
         value = given[name].value if name in given else default
@@ -285,20 +286,28 @@ def warn_of_unknown(node: Node, given: set[str]) -> None:
         node.get_logger().warning(f"there is no parameter {name!r}; did you mean {closest!r}?")
 
 
-def validate(parameters: list[Parameter[Any]]) -> SetParametersResult:
-    """Accept or refuse new values. rclpy itself checks types and ranges."""
+Limits: TypeAlias = Mapping[str, tuple[float, float]]
+"""The least and the greatest value of numbers, by the names of their parameters."""
+
+
+def validate(limits: Limits, parameters: list[Parameter[Any]]) -> SetParametersResult:
+    """Accept or refuse new values. rclpy itself checks types, and ranges up to a millionth."""
     try:
         for parameter in parameters:
-            _check(parameter.name, parameter.value)
+            _check(parameter.name, parameter.value, limits)
     except ValueError as error:
         return SetParametersResult(successful=False, reason=str(error))
     return SetParametersResult(successful=True)
 
 
-def _check(name: str, value: Any) -> None:
+def _check(name: str, value: Any, limits: Limits) -> None:
     """Raise a ``ValueError`` that says what is wrong with a value."""
     if isinstance(value, float) and not math.isfinite(value):
         raise ValueError(f"{name} must be finite, is {value}")
+    if isinstance(value, (int, float)) and name in limits:
+        least, most = limits[name]
+        if not least <= value <= most:
+            raise ValueError(f"{name} must be {format_range(least, most)}; is {value}")
     if name == "recording.file":
         try:
             check_name(value)

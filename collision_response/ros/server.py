@@ -365,9 +365,11 @@ class Server:
         for endpoint in self._endpoints.values():
             for client in endpoint.clients.take_departed():
                 dropped, at_risk = self._jobs.drop(client), self._unconfirmed.pop(client, 0)
+                if at_risk == 1:  # no client confirms its last answer
+                    at_risk = 0
                 self._counters.dropped += dropped
                 self._counters.at_risk += at_risk
-                if dropped or at_risk > 1:  # no client confirms its last answer
+                if dropped or at_risk:
                     self._log.warning(
                         f"a client has left, or was silent for too long: {dropped} of its requests were "
                         f"dropped, and it is not known whether it received {at_risk} answers",

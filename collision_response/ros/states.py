@@ -80,7 +80,7 @@ class LatestStates:
         self._by_name: dict[str, _Known] = {}  # ordered by the arrival of the last state
         self._tables: dict[bytes | tuple[str, ...], SerializedTable] = {}  # the same
         self._sequence_numbers: dict[bytes, int] = {}
-        self._shared_names: set[str] = set()
+        self._alternating: set[frozenset[bytes]] = set()  # pairs of publishers
 
     def __len__(self) -> int:
         """Number of bodies known."""
@@ -231,15 +231,17 @@ class LatestStates:
         return publisher
 
     def _check_publisher(self, name: str, publisher: bytes, known: _Known) -> None:
-        """Warn if two publishers alternate. One that replaces another for good does not."""
-        is_new = name not in self._shared_names and len(self._shared_names) < MAX_PUBLISHERS
+        """Warn if two publishers alternate, once. One that replaces another for good does not."""
+        pair = frozenset((publisher, known.publisher))
+        is_new = pair not in self._alternating and len(self._alternating) < MAX_PUBLISHERS
         if publisher == known.earlier_publisher and is_new:
-            self._shared_names.add(name)
+            self._alternating.add(pair)
+            two = f"{self._name_of(publisher)} and {self._name_of(known.publisher)}"
             self._warn(
-                f"publishers of {name}",
+                f"publishers {two}",
                 lambda: (
-                    f"two publishers send states of {quoted(name)}, {self._name_of(publisher)} and "
-                    f"{self._name_of(known.publisher)}: the state with the latest stamp is used"
+                    f"two publishers send states of the same bodies, such as {quoted(name)}, {two}: "
+                    "the state with the latest stamp is used"
                 ),
             )
 
