@@ -130,6 +130,7 @@ def resolve_scenes(
     """
     bodies = np.ascontiguousarray(as_numpy("bodies", bodies))
     contacts, pairs = np.ascontiguousarray(as_numpy("contacts", contacts)), as_pairs(pairs)
+    pairs = pairs.copy()  # another thread may change what is given, after the check of its indices
     check_count("workers", workers, 1, math.inf)
     check_number("threshold", threshold, 0, math.nextafter(1, 0), StatusCode.INVALID_MODEL)
     request = BatchRequest.of(bodies, contacts, model, pairs)

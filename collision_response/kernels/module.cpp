@@ -13,6 +13,9 @@ PyObject* limit_vectors(PyObject*, PyObject* bits) {
 
 // setup(...): take the Python objects that the functions use.
 PyObject* setup(PyObject*, PyObject* args) {
+  static PyInterpreterState* const first = PyInterpreterState_Get();
+  if (PyInterpreterState_Get() != first)
+    return PyErr_Format(PyExc_ImportError, "collision_response: another interpreter of this process has imported it");
   if (!PyArg_ParseTuple(args, "OOOOOOOOOOOO", &python.impact, &python.twist, &python.vec3, &python.body,
                         &python.contact, &python.fraction, &python.statuses, &python.regimes, &python.adjustments,
                         &python.plan_model, &python.model_as_used, &python.refusal))

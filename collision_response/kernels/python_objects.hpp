@@ -2,6 +2,8 @@
 #pragma once
 #define PY_SSIZE_T_CLEAN
 #include <Python.h>
+#include <unistd.h>
+
 #include <new>
 
 #include "constants.hpp"
@@ -11,7 +13,15 @@ class ReleasedGil {
  public:
   ReleasedGil() : state(PyEval_SaveThread()) {}
   ReleasedGil(const ReleasedGil&) = delete;
-  ~ReleasedGil() { PyEval_RestoreThread(state); }
+  // After the end of the interpreter, Python before 3.14 ends a daemon thread here, by unwinding it. That must not leave a
+  // destructor: the thread waits for the end of the process instead, as in Python 3.14.
+  ~ReleasedGil() {
+    try {
+      PyEval_RestoreThread(state);
+    } catch (...) {
+      for (;;) pause();
+    }
+  }
 
  private:
   PyThreadState* state;
@@ -60,9 +70,17 @@ static inline PyObject* with_unknown_hash(PyObject* tuple) {
 #endif
   return tuple;
 }
-// A new named tuple, whose fields are null.
+// A new named tuple, whose fields are null. finished() shows it to the garbage collector, and so to Python.
 static inline PyObject* new_tuple(PyTypeObject* type, int count) {
-  return with_unknown_hash(type->tp_alloc(type, count));
+  PyObject* tuple = type->tp_alloc(type, count);
+  if (tuple) PyObject_GC_UnTrack(tuple);
+  return with_unknown_hash(tuple);
+}
+// A tuple whose fields are set; null if one could not be made.
+static inline PyObject* finished(PyObject* tuple) {
+  if (tuple && PyErr_Occurred()) Py_CLEAR(tuple);
+  if (tuple) PyObject_GC_Track(tuple);
+  return tuple;
 }
 // A new named tuple for numbers only, whose fields must be set at once. The garbage collector need not know it, which
 // saves a tenth of the time of resolve().
@@ -103,5 +121,5 @@ static inline PyObject* contact_as_used(PyObject* contact, double e, bool e_chan
                                                                         : Py_NewRef(PyTuple_GET_ITEM(contact, k));
     PyTuple_SET_ITEM(used, k, field);
   }
-  return used;
+  return finished(used);
 }

@@ -26,6 +26,13 @@ static __attribute__((noinline, cold)) bool set_type_error(const std::string& te
   return false;
 }
 
+// Clear an error that a function of an object has raised. False if it is no Exception, such as Ctrl-C, and stays set.
+static bool clear_exception() {
+  if (PyErr_Occurred() && !PyErr_ExceptionMatches(PyExc_Exception)) return false;
+  PyErr_Clear();
+  return true;
+}
+
 // Whether an object is a truth value, a complex number or text, or something of NumPy that is not one real number: an
 // array, a date, bytes. An array without axes that holds an object is what that object is.
 static bool is_no_number(PyObject* o, bool is_held = false) {
@@ -33,7 +40,7 @@ static bool is_no_number(PyObject* o, bool is_held = false) {
   if (!PyObject_CheckBuffer(o)) return false;
   Py_buffer view;
   if (PyObject_GetBuffer(o, &view, PyBUF_FULL_RO) != 0) {
-    PyErr_Clear();
+    clear_exception();
     return true;
   }
   const std::string format = view.format ? view.format : "";
@@ -42,7 +49,7 @@ static bool is_no_number(PyObject* o, bool is_held = false) {
   if (!is_number || format != "O") return !is_number;
   PyObject* held = is_held ? nullptr : PyObject_CallMethod(o, "item", nullptr);
   const bool holds_no_number = !held || is_no_number(held, true);
-  PyErr_Clear();
+  clear_exception();
   Py_XDECREF(held);
   return holds_no_number;
 }
@@ -51,7 +58,9 @@ static bool is_no_number(PyObject* o, bool is_held = false) {
 static __attribute__((noinline, cold)) bool read_other(PyObject* o, const InputBuffer& buffer, int i) {
   double& x = buffer.value[i];
   double& error = buffer.error[i];
-  auto refuse = [&] { return set_type_error(std::string(buffer.names[i]) + ": must be a real number,", o); };
+  auto refuse = [&] {
+    return !PyErr_Occurred() && set_type_error(std::string(buffer.names[i]) + ": must be a real number,", o);
+  };
   if (read_exact_float(o, x)) return true;
   if (buffer.has_fraction && PyObject_TypeCheck(o, python.fraction)) *buffer.has_fraction = true;
   PyNumberMethods* as_number = Py_TYPE(o)->tp_as_number;
@@ -59,19 +68,19 @@ static __attribute__((noinline, cold)) bool read_other(PyObject* o, const InputB
   PyObject* number = as_number->nb_float ? PyNumber_Float(o) : PyNumber_Index(o);
   if (number && !PyFloat_Check(number)) Py_SETREF(number, PyNumber_Float(number));
   if (!number) {
-    if (!PyErr_ExceptionMatches(PyExc_Exception)) return false;  // Ctrl-C
-    if (!PyErr_ExceptionMatches(PyExc_OverflowError)) {
-      PyErr_Clear();
-      return refuse();
-    }
-    PyErr_Clear();  // an integer beyond the range of floats counts as not finite
-    x = NAN;
+    const bool is_beyond = PyErr_ExceptionMatches(PyExc_OverflowError);
+    if (!clear_exception()) return false;
+    if (!is_beyond) return refuse();
+    x = NAN;  // an integer beyond the range of floats counts as not finite
     return true;
   }
   x = PyFloat_AS_DOUBLE(number);
   if (x == x) {
     int is_exact = PyObject_RichCompareBool(o, number, Py_EQ);
-    if (is_exact < 0) PyErr_Clear();
+    if (is_exact < 0 && !clear_exception()) {
+      Py_DECREF(number);
+      return false;
+    }
     if (is_exact != 1) error = std::fabs(x) * 0x1p-53 + 0x1p-1074;
     if (is_exact != 1 && std::isinf(x)) x = NAN;  // a finite number beyond the range of floats, like that integer
   }
@@ -90,7 +99,7 @@ static inline __attribute__((always_inline)) bool read_number(PyObject* o, const
 // Read numbers from a sequence that is not a tuple of the right length: a list, an array.
 static __attribute__((noinline, cold)) bool read_sequence(PyObject* o, int count, const InputBuffer& buffer, int i) {
   PyObject* items = PyUnicode_Check(o) ? nullptr : PySequence_Tuple(o);
-  if (!items) PyErr_Clear();
+  if (!items && !clear_exception()) return false;
   bool fits = items && PyTuple_GET_SIZE(items) == count;
   if (!fits) {
     std::string name(buffer.names[i]);

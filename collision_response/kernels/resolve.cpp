@@ -42,7 +42,7 @@ PyObject* make_impact(PyObject* contact, PyObject* model, const OneImpact& one, 
   put(Py_NewRef(PyTuple_GET_ITEM(python.regimes, static_cast<int>(result.reported[OUT_REGIME]))));
   put(PyFloat_FromDouble(result.error_bound));
   put(Py_NewRef(PyTuple_GET_ITEM(python.adjustments, one.adjustments())));
-  return impact;
+  return finished(impact);
 }
 
 // Set the geometry: that of the plan, where AUTO is the smallest one that suffices. Return whether it suffices.

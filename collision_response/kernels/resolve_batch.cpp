@@ -88,6 +88,7 @@ struct BatchArrays {
     bool valid = settings.has(real, {MODEL}) && result[VELOCITY].has(real, {axes, 2, n}) &&
                  result[ANGULAR_VELOCITY].has(real, {spins, 2, n}) && result[IMPULSE].has(real, {axes, n}) &&
                  result[STATUS].has('B', {n}) && result[ERROR_BOUND].is_open() == bounded &&
+                 result[PRECISION].is_open() == bounded &&
                  (!bounded || (result[ERROR_BOUND].has(real, {n}) && result[PRECISION].has('B', {n}))) &&
                  (!report || result[REGIME].has('B', {n}));
     for (int i = ENERGY; i < FIELDS; ++i)
@@ -177,8 +178,7 @@ PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
   const TableLayout& table = table_layouts[layout];
   BatchArrays arrays;
   if (!arrays.open(args + 3, args[7]) ||
-      !arrays.are_valid(table, number_type == NUMBER_BOUNDED || number_type == NUMBER_EXTENDED) ||
-      arrays.overlap())
+      !arrays.are_valid(table, number_type == NUMBER_BOUNDED || number_type == NUMBER_EXTENDED) || arrays.overlap())
     Py_RETURN_NONE;
   const auto found = find_batch_kernel(law, layout, number_type);
   if (!found) return PyErr_Format(PyExc_LookupError, "no kernel of law %d for numbers of kind %d", law, number_type);

@@ -88,7 +88,7 @@ struct SceneRequest {
     for (long k = 0; k < n; ++k) {
       PyObject* contact = PyTuple_GET_ITEM(given_contacts, k);
       std::int64_t pair[2];
-      if (Py_TYPE(contact) != python.contact ||
+      if (Py_TYPE(contact) != python.contact || PyTuple_GET_SIZE(contact) != CONTACT_FIELDS ||
           PyTuple_GET_ITEM(contact, CONTACT_FIELD_TANGENTIAL_RESTITUTION) != Py_None ||
           !read_exact_contact(contact, contacts[k].data()) ||
           !read_pair(PyTuple_GET_ITEM(given_pairs, k), of_bodies, pair))
@@ -137,6 +137,7 @@ class SceneAnswer {
 
   // The fields of a SceneImpact.
   PyObject* fields() {
+    if (PyErr_Occurred()) return nullptr;  // an entry of a column could not be made
     PyObject* used = model_as_used(model, law, geometry, precision);
     if (!used) return nullptr;
     int status = bound > plan.bound_limit ? STATUS_TOLERANCE_NOT_MET : is_separating ? STATUS_SEPARATING : STATUS_OK;

@@ -6,7 +6,7 @@ import os
 
 from ..optional import missing
 
-# [KiB] rerun and PyArrow reserve memory in pieces of 1 GiB, which would count against the node's memory_limit.
+# [KiB] rerun and PyArrow reserve memory in pieces of 1 GiB, and that counts against the node's memory_limit.
 os.environ.setdefault("MIMALLOC_ARENA_RESERVE", "65536")
 
 try:
