@@ -255,6 +255,25 @@ def test_limit_memory_limits_the_process(tmp_path):
     assert resource.getrlimit(resource.RLIMIT_DATA)[0] == resource.RLIM_INFINITY
 
 
+RECORDS = """
+from collision_response.recording.rerun_sdk import rr
+from collision_response.ros.process import private_memory
+
+stream = rr.RecordingStream("memory")
+stream.save("memory.rrd")
+stream.log("one", rr.Scalars(1.0))
+print(private_memory() >> 20)
+"""
+
+
+def test_recording_takes_little_of_what_memory_limit_allows(tmp_path):
+    """rerun reserved 2 GiB, as much as the default allows, of which it used 70 MiB."""
+    pytest.importorskip("rerun")
+    command = [sys.executable, "-c", RECORDS]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=DEADLINE)
+    assert int(result.stdout) < 1024, result.stderr
+
+
 # clients that leave
 
 
