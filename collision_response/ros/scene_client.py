@@ -17,11 +17,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arguments import as_list
 from ..body_numbers import body_to_numbers
 from ..model import DEFAULT, ImpactModel, check_model
 from ..physics.body import Body
 from ..physics.contact import Contact
+from ..scene.request import check_parts
 from ..srv import ResolveScene
 from ..status import format_value
 from .convert import write_model
@@ -49,30 +49,18 @@ def pack(
         frame_id: the inertial frame of all bodies and contacts.
 
     Raises:
-        ImpactError: if the model is invalid.
+        ImpactError: if the model is invalid, or a body is articulated.
         TypeError: if something has the wrong type.
         ValueError: if ``pairs`` is not two indices for each contact, a name is not one line of text, or the
-            request has no place for something: the inverse inertia of an articulated body, the tangential
-            restitution of a contact, or a coefficient that is a function.
+            request has no place for something: the tangential restitution of a contact, or a coefficient
+            that is a function.
     """
     check_model(model)
-    bodies, contacts = as_list("bodies", bodies), as_list("contacts", contacts)
-    pairs = as_list("pairs", pairs)
-    if len(pairs) != len(contacts):
-        raise ValueError(
-            f"pairs: must be one for each contact; are {len(pairs)} for {len(contacts)} contacts"
-        )
+    bodies, pairs, contacts = check_parts(bodies, pairs, contacts)
     for i, pair in enumerate(pairs):
         if not (hasattr(pair, "__len__") and len(pair) == 2):
             raise ValueError(f"pairs[{i}]: must be two indices of bodies, is {format_value(pair)}")
-    for i, body in enumerate(bodies):
-        if not isinstance(body, Body):
-            raise TypeError(f"bodies[{i}]: must be a Body, is {format_value(body)}")
-        if body.inverse_inertia is not None:
-            raise ValueError(f"bodies[{i}].inverse_inertia: a scene is for rigid bodies")
     for i, contact in enumerate(contacts):
-        if not isinstance(contact, Contact):
-            raise TypeError(f"contacts[{i}]: must be a Contact, is {format_value(contact)}")
         if contact.tangential_restitution is not None:
             raise ValueError(f"contacts[{i}].tangential_restitution: set that of the model")
         for name in ("restitution", "friction"):

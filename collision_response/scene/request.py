@@ -56,12 +56,14 @@ class SceneOptions(NamedTuple):
     exact: bool
 
 
-def check_request(bodies: Iterable[Any], pairs: Iterable[Any], contacts: Iterable[Any]) -> SceneRequest:
-    """Check everything about a request that does not depend on its numbers.
+def check_parts(
+    bodies: Iterable[Any], pairs: Iterable[Any], contacts: Iterable[Any]
+) -> tuple[list[Body], list[Any], list[Contact]]:
+    """Return the parts of a scene as lists, with bodies and contacts checked but for their numbers.
 
     Raises:
-        ImpactError: UNKNOWN_BODY or SAME_BODY for a pair; INVALID_INERTIA if a body is articulated.
-        TypeError: if a part of the request has the wrong type.
+        ImpactError: INVALID_INERTIA if a body is articulated.
+        TypeError: if a part has the wrong type.
         ValueError: if there is not one pair for each contact.
     """
     bodies, pairs, contacts = (
@@ -69,24 +71,38 @@ def check_request(bodies: Iterable[Any], pairs: Iterable[Any], contacts: Iterabl
         as_list("pairs", pairs),
         as_list("contacts", contacts),
     )
-    movable, has_friction = [], False
     for i, body in enumerate(bodies):
         if not isinstance(body, Body):
             raise TypeError(f"bodies[{i}]: must be a Body, is {format_value(body)}")
         if body.inverse_inertia is not None:
             field, reason = f"bodies[{i}].inverse_inertia", "is for one impact, by resolve(), not for scenes"
             raise ImpactError(StatusCode.INVALID_INERTIA, field, reason)
-        movable.append(_holds(f"bodies[{i}].mass", body[0], lambda mass: mass < math.inf))
     for i, contact in enumerate(contacts):
         if not isinstance(contact, Contact):
             raise TypeError(f"contacts[{i}]: must be a Contact, is {format_value(contact)}")
-        is_rough = _holds(f"contacts[{i}].friction", contact[3], lambda mu: callable(mu) or mu > 0)
-        has_friction = has_friction or is_rough
-    count = len(bodies)
     if len(pairs) != len(contacts):
         raise ValueError(
             f"pairs: must be one for each contact; are {len(pairs)} for {len(contacts)} contacts"
         )
+    return bodies, pairs, contacts
+
+
+def check_request(bodies: Iterable[Any], pairs: Iterable[Any], contacts: Iterable[Any]) -> SceneRequest:
+    """Check everything about a request that does not depend on its numbers.
+
+    Raises:
+        ImpactError: UNKNOWN_BODY or SAME_BODY for a pair; as :func:`check_parts`.
+        TypeError, ValueError: as :func:`check_parts`.
+    """
+    bodies, pairs, contacts = check_parts(bodies, pairs, contacts)
+    movable = [
+        _holds(f"bodies[{i}].mass", body[0], lambda mass: mass < math.inf) for i, body in enumerate(bodies)
+    ]
+    has_friction = False
+    for i, contact in enumerate(contacts):
+        is_rough = _holds(f"contacts[{i}].friction", contact[3], lambda mu: callable(mu) or mu > 0)
+        has_friction = has_friction or is_rough
+    count = len(bodies)
     for i, pair in enumerate(pairs):
         if not (pair.__class__ is tuple and len(pair) == 2 and type(pair[0]) is type(pair[1]) is int):
             pairs[i] = pair = _as_pair(i, pair)
