@@ -270,6 +270,15 @@ def test_an_array_of_out_that_does_not_fit_is_named(field, wrong):
         resolve_batch(bodies, contacts, model, report=True, out=out._replace(**{field: given}))
 
 
+@pytest.mark.parametrize("field", ["error_bound", "precision", "regime", "kinetic_energy_after"])
+def test_an_array_of_out_without_use_is_named(field):
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
+    full = resolve_batch(bodies, contacts, ImpactModel(tolerance=1e-6), report=True)
+    out = resolve_batch(bodies, contacts)._replace(**{field: getattr(full, field)})
+    with pytest.raises(ValueError, match=r"^out\.\w+: must be "):
+        resolve_batch(bodies, contacts, out=out)
+
+
 def test_results_may_lie_between_each_other_in_memory():
     bodies, contacts = shared_batch(Geometry.SPATIAL)
     expected = resolve_batch(bodies, contacts, report=True)
