@@ -384,6 +384,48 @@ Axes along_own_axes(const Axes& P, const ConditionAxes& given, double mu) {
   return own;
 }
 
+struct Solution {
+  std::vector<Axes> P;  // along the own axes of the contacts
+  double error = 0;  // of the motion
+  double turned = 0;  // by how much velocities along the axes of the conditions and along the own ones differ
+};
+
+// What the conditions along given axes lead to.
+Solution turned_back(const Assembly& assembly, const std::vector<ConditionAxes>& axes, const Conditions& found,
+                     double speed, bool on_faces) {
+  Solution solution{found.P};
+  Vector by(found.y.size());  // how much the effects of impulses along both axes differ
+  const double mean = mean_inverse_mass(assembly, assembly.all_contacts());
+  for (int i = 0; i < assembly.count; ++i) {
+    const Axes& P = found.P[i];
+    if (!axes[i].is_turned || !(P[0] > 0)) continue;
+    const AssembledContact& contact = assembly.contacts[i];
+    const Cone<double> given = cone_of(contact, axes[i].axes, speed, mean);
+    const Cone<double> own = cone_of(contact, contact.axes, speed, mean);
+    solution.P[i] = along_own_axes(P, axes[i], own.mu);
+    own.add_effect(solution.P[i], by);
+    given.add_effect({-P[0], -P[1], -P[2]}, by);
+    const Axes u = own.velocity(found.y.data()), v = given.velocity(found.y.data());
+    for (int a = 0; a < 3; ++a)
+      solution.turned = std::fmax(solution.turned, std::fabs(own.w[a] + u[a] - given.w[a] - v[a]));
+  }
+  solution.error = motion_error(found, solution.turned, on_faces) + length_of(by);
+  return solution;
+}
+
+// Solve the conditions along the own axes, too, and take their solution if its motion is nearly the one that was found.
+void refine(Solution& solution, const Conditions& found, Conditions along_own, bool on_faces) {
+  constexpr double NEAR = 1e-5;  // relative to the greatest impulse
+  if (solution.error == INFINITY || !along_own.solve_from(solution.P)) return;
+  Vector off = along_own.y;
+  increase(off, -1, found.y);
+  const double apart = length_of(off);
+  if (apart > std::fmax(solution.error, NEAR * found.greatest())) return;
+  solution.error = std::fmax(solution.error, apart);
+  const double error = motion_error(along_own, 0, on_faces);
+  if (error <= solution.error) solution = {along_own.P, error};
+}
+
 }  // namespace
 
 std::vector<ConditionAxes> own_axes(const Assembly& assembly) {
@@ -436,41 +478,9 @@ ClusterImpulses obey_coulomb(const Assembly& assembly, const std::vector<Conditi
   Conditions conditions(assembly, axes, rebounds, speed, budget);
   if (!conditions.solve()) return {false};
   if (!(conditions.off() <= SOLVED * std::fmin(1, 100 * conditions.greatest()))) return {false};
-  double turned = 0;  // by how much velocities along the given axes and along the own ones differ
-  Vector by(conditions.y.size());  // and how much the effects of impulses along them
-  std::vector<Axes> along_own = conditions.P;
-  const double mean = mean_inverse_mass(assembly, assembly.all_contacts());
-  for (int i = 0; i < assembly.count; ++i) {
-    const Axes& found = conditions.P[i];
-    if (!axes[i].is_turned || !(found[0] > 0)) continue;
-    const AssembledContact& contact = assembly.contacts[i];
-    const Cone<double> given = cone_of(contact, axes[i].axes, speed, mean);
-    const Cone<double> own = cone_of(contact, contact.axes, speed, mean);
-    along_own[i] = along_own_axes(found, axes[i], own.mu);
-    given.add_effect({-found[0], -found[1], -found[2]}, by);
-    own.add_effect(along_own[i], by);
-    const Axes u = given.velocity(conditions.y.data()), v = own.velocity(conditions.y.data());
-    for (int a = 0; a < 3; ++a) turned = std::fmax(turned, std::fabs(own.w[a] + v[a] - given.w[a] - u[a]));
-  }
-  double error = motion_error(conditions, turned, on_faces) + length_of(by);
-  if (turned > 0 && error < INFINITY) {
-    // The conditions along the own axes, if they lead to nearly the same motion.
-    constexpr double NEAR = 1e-5;  // relative to the greatest impulse
-    Conditions exact(assembly, own_axes(assembly), rebounds, speed, budget);
-    if (exact.solve_from(along_own)) {
-      Vector off = exact.y;
-      increase(off, -1, conditions.y);
-      const double apart = length_of(off);
-      if (apart <= std::fmax(error, NEAR * conditions.greatest())) {
-        error = std::fmax(error, apart);
-        const double error_of_exact = motion_error(exact, 0, on_faces);
-        if (error_of_exact <= error) {
-          along_own = exact.P;
-          error = error_of_exact;
-        }
-      }
-    }
-  }
-  for (int i = 0; i < assembly.count; ++i) P[i] = in_newton_seconds(along_own[i], assembly.contacts[i], speed);
-  return with_axis_impulses({true, {}, assembly.is_locked ? INFINITY : speed * error}, assembly, P);
+  Solution solution = turned_back(assembly, axes, conditions, speed, on_faces);
+  if (solution.turned > 0)
+    refine(solution, conditions, Conditions(assembly, own_axes(assembly), rebounds, speed, budget), on_faces);
+  for (int i = 0; i < assembly.count; ++i) P[i] = in_newton_seconds(solution.P[i], assembly.contacts[i], speed);
+  return with_axis_impulses({true, {}, assembly.is_locked ? INFINITY : speed * solution.error}, assembly, P);
 }
