@@ -127,6 +127,13 @@ def test_an_invalid_start_ends_with_one_line(start, arguments, shown):
     assert shown in stderr.splitlines()[-1], stderr
 
 
+def test_a_start_without_memory_neither_serves_nor_records(start, tmp_path):
+    recording = ("-p", "recording.enabled:=true", "-p", f"recording.directory:={tmp_path / 'made'}")
+    _, stderr = start("-p", "memory_limit:=10", *recording).communicate(timeout=DEADLINE)
+    assert "serving" not in stderr and "memory_limit: is 10 MiB" in stderr
+    assert not (tmp_path / "made").exists()
+
+
 @pytest.mark.parametrize(
     ("given", "meant"), [("restitutoin", "restitution"), ("recording.enable", "recording.enabled")]
 )

@@ -37,7 +37,7 @@ from .batches import BatchService
 from .diagnostics import Counters, Diagnostics
 from .impacts import ImpactService
 from .parameters import DECLARATIONS, DeclaringNode
-from .process import StartError, limit_memory, run
+from .process import limit_memory, run
 from .scenes import SceneService, still_computes
 from .serialized import MalformedMessage
 from .server import Server
@@ -83,14 +83,16 @@ class CollisionResponseNode(DeclaringNode):
     Raises:
         rclpy.exceptions.ParameterException: if a parameter has a value that is not allowed.
         rclpy.exceptions.NameValidationException: if one of ``body_state_topics`` is no name of a topic.
-        StartError: if a value is an empty list, or a number without the point that it needs.
+        StartError: if a value is an empty list, or a number without the point that it needs; or if
+            ``memory_limit`` is less than the process uses at its start.
     """
 
     # On the class, because rclpy destroys a node also if its start failed before these are set.
     _recorder: Recorder | None = None
     _scene_service: SceneService | None = None
 
-    def __init__(self, **options: Any) -> None:
+    def __init__(self, *, owns_process: bool = False, **options: Any) -> None:
+        """Start to serve. ``owns_process``: whether ``memory_limit`` limits the process."""
         super().__init__("collision_response", **options)
         given = parameters.declare(self, DECLARATIONS)
         self.parameters = parameters.LatestParameters(self)
@@ -121,6 +123,8 @@ class CollisionResponseNode(DeclaringNode):
         counters = Counters()
         Diagnostics(self, counters, self._states, self._entries_not_recorded, lambda: self._server.waiting())
         parameters.warn_of_unknown(self, given)
+        if owns_process:
+            limit_memory(value("memory_limit"))
         if value("recording.enabled"):  # before the services: most starts that fail leave no file
             self._recorder = answer_log.recorder = Recorder(
                 Path(value("recording.directory")),
@@ -249,19 +253,9 @@ def warm_up() -> None:
 
 def main(args: list[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM, and return the exit code."""
-    code = run(_make_node, args, CollisionResponseNode.shut_down)
+    code = run(partial(CollisionResponseNode, owns_process=True), args, CollisionResponseNode.shut_down)
     if still_computes(TIME_TO_END):  # Python would wait for the thread
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)
     return code
-
-
-def _make_node() -> CollisionResponseNode:
-    node = CollisionResponseNode()
-    try:
-        limit_memory(node.get_parameter("memory_limit").value)
-    except StartError:
-        node.destroy_node()
-        raise
-    return node
