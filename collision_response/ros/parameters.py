@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import partial
@@ -245,7 +245,7 @@ class DeclaringNode(Node):
         return super().declare_parameters(namespace, parameters, ignore_override)
 
 
-def declare(node: DeclaringNode, declarations: Iterable[Declaration]) -> set[str]:
+def declare(node: DeclaringNode, declarations: Sequence[Declaration]) -> set[str]:
     """Declare the parameters of a node, and return the names of those that were given.
 
     They are declared again here, with descriptions and ranges.

@@ -364,9 +364,8 @@ class Server:
     def _forget_departed(self) -> None:
         for endpoint in self._endpoints.values():
             for client in endpoint.clients.take_departed():
-                dropped, at_risk = self._jobs.drop(client), self._unconfirmed.pop(client, 0)
-                if at_risk == 1:  # no client confirms its last answer
-                    at_risk = 0
+                dropped, unconfirmed = self._jobs.drop(client), self._unconfirmed.pop(client, 0)
+                at_risk = unconfirmed if unconfirmed > 1 else 0  # no client confirms its last answer
                 self._counters.dropped += dropped
                 self._counters.at_risk += at_risk
                 if dropped or at_risk:

@@ -232,9 +232,10 @@ class LatestStates:
 
     def _check_publisher(self, name: str, publisher: bytes, known: _Known) -> None:
         """Warn if two publishers alternate, once. One that replaces another for good does not."""
+        if publisher != known.earlier_publisher:  # nearly always
+            return
         pair = frozenset((publisher, known.publisher))
-        is_new = pair not in self._alternating and len(self._alternating) < MAX_PUBLISHERS
-        if publisher == known.earlier_publisher and is_new:
+        if pair not in self._alternating and len(self._alternating) < MAX_PUBLISHERS:
             self._alternating.add(pair)
             two = f"{self._name_of(publisher)} and {self._name_of(known.publisher)}"
             self._warn(

@@ -227,7 +227,7 @@ struct LeastWork {
     constexpr double BUDGET = 1e8;  // multiplications: a tenth of a second
     constexpr double COARSEST = 1e-5;  // error bound: far above most, so that rounding hardly decides
     const std::vector<ConditionAxes> axes = face_axes(assembly);
-    std::vector<Axes> rebounds(assembly.count);
+    std::vector<Axes> rebounds(assembly.count);  // of plastic impacts exactly 0, which rounding would hide
     for (int i : loaded)
       if (frictionless.restitution > 0) rebounds[i] = before.velocity(i);
     const bool on_faces = std::all_of(loaded.begin(), loaded.end(), [&](int i) { return axes[i].on_face; });

@@ -89,16 +89,16 @@ class Conditions {
   // where P is 0, by amounts that do not depend on the order of contacts.
   bool solve_nearby(double size, double part, double phase) {
     budget = multiplications() + budget / 4;
-    const double most = greatest();
+    const double greatest_load = greatest();
     for (size_t i = 0; i < cones.size(); ++i) {
       Cone<double>& cone = cones[i];
       for (int k = 0; k < (cone.mu > 0 ? 3 : 1); ++k) cone.w[k] += size * uneven(cone, k, phase);
       from[i] = P[i];
       for (double& one : from[i]) one *= 1 + part * uneven(cone, 0, phase);
-      if (!(P[i][0] > 0)) from[i][0] = part * most * std::fabs(uneven(cone, 0, phase));
+      if (!(P[i][0] > 0)) from[i][0] = part * greatest_load * std::fabs(uneven(cone, 0, phase));
     }
     // Velocities that differ change P by rho times as much.
-    const double unit = std::fmax(1, greatest());
+    const double unit = std::fmax(1, greatest_load);
     if (!proximal_step(std::fmin(HARD, std::log10(0.01 * unit / std::fabs(size))))) return false;
     // Such velocities hardly ever allow an exact P, where contacts share a load.
     sharpen(size == 0 ? PATIENCE : 1);
@@ -394,7 +394,7 @@ struct Solution {
 Solution turned_back(const Assembly& assembly, const std::vector<ConditionAxes>& axes, const Conditions& found,
                      double speed, bool on_faces) {
   Solution solution{found.P};
-  Vector by(found.y.size());  // how much the effects of impulses along both axes differ
+  Vector off(found.y.size());  // how much the effects of impulses along both axes differ
   const double mean = mean_inverse_mass(assembly, assembly.all_contacts());
   for (int i = 0; i < assembly.count; ++i) {
     const Axes& P = found.P[i];
@@ -403,13 +403,13 @@ Solution turned_back(const Assembly& assembly, const std::vector<ConditionAxes>&
     const Cone<double> given = cone_of(contact, axes[i].axes, speed, mean);
     const Cone<double> own = cone_of(contact, contact.axes, speed, mean);
     solution.P[i] = along_own_axes(P, axes[i], own.mu);
-    own.add_effect(solution.P[i], by);
-    given.add_effect({-P[0], -P[1], -P[2]}, by);
+    own.add_effect(solution.P[i], off);
+    given.add_effect({-P[0], -P[1], -P[2]}, off);
     const Axes u = own.velocity(found.y.data()), v = given.velocity(found.y.data());
     for (int a = 0; a < 3; ++a)
       solution.turned = std::fmax(solution.turned, std::fabs(own.w[a] + u[a] - given.w[a] - v[a]));
   }
-  solution.error = motion_error(found, solution.turned, on_faces) + length_of(by);
+  solution.error = motion_error(found, solution.turned, on_faces) + length_of(off);
   return solution;
 }
 
