@@ -75,6 +75,7 @@ WHY_PRECISION = {
     Precision.DOUBLE: "asks for more digits than float32 keeps",
     Precision.EXTENDED: "is ill-conditioned beyond float64, or asks for its last digits",
 }
+UNMET = "meets the tolerance in no model"
 GEOMETRIES = tuple(WHY_GEOMETRY)
 
 
@@ -93,12 +94,16 @@ class _Needs(NamedTuple):
 
     def with_contact(self, name: str, least: Mapping[Geometry, Precision]) -> _Needs:
         """Add a contact. ``least`` maps each geometry that serves it to the lowest precision there."""
-        own = min(least)
+
+        def why(reasons: Mapping[Any, str], need: Geometry | Precision) -> str:
+            return f"{name} {reasons[need] if least else UNMET}"
+
+        own = min(least, default=Geometry.SPATIAL)
         return _Needs(
-            _greater(self.geometry, own, f"{name} {WHY_GEOMETRY[own]}"),
+            _greater(self.geometry, own, why(WHY_GEOMETRY, own)),
             self.out_of_plane or ("" if Geometry.PLANAR in least else name),
             {
-                geometry: _greater(self.precisions[geometry], enough, f"{name} {WHY_PRECISION[enough]}")
+                geometry: _greater(self.precisions[geometry], enough, why(WHY_PRECISION, enough))
                 for geometry, enough in ((g, least.get(g, Precision.EXTENDED)) for g in GEOMETRIES)
             },
         )
@@ -168,8 +173,8 @@ class SceneSurvey:
         return SceneRequirements(geometry, self._law, needs.precisions[geometry.least], self._tolerance)
 
     def _least(self, request: tuple[Body, Body, Contact], impact: Impact) -> dict[Geometry, Precision]:
-        """Return the geometries that serve a contact, with the lowest precision in each."""
-        found = {Geometry.SPATIAL: Precision.EXTENDED}
+        """Return the geometries that serve a contact, if any, with the lowest precision in each."""
+        found: dict[Geometry, Precision] = {}
         if impact.status is StatusCode.TOLERANCE_NOT_MET:  # numbers that are not floats may leave it open
             return found
         for geometry in GEOMETRIES:
@@ -188,7 +193,7 @@ def scene_requirements(
 
     The law, FRICTIONLESS or COULOMB, is found first, then the geometry, then the precision. Contacts that
     separate also separate in the model that is found. If no precision meets the tolerance, as for one below
-    2.2e-16, the precision is EXTENDED.
+    2.2e-16, the precision is EXTENDED. If a contact gets no answer that meets it, the geometry is SPATIAL.
 
     Args:
         bodies: the bodies by name.

@@ -407,3 +407,13 @@ def test_an_invalid_contact_leaves_a_survey_unchanged():
     with pytest.raises(ImpactError):
         survey.add("bad", BODIES["thrown"], BODIES["ground"], RUBBING.contact._replace(friction=-1.0))
     assert survey.requirements() == scene_requirements(BODIES, [], 1e-6)
+
+
+def test_what_no_model_answers_is_the_reason():
+    """A wall that a point mass approaches by 1e-40 m/s: all digits of floats leave open whether it does."""
+    point = Body.dynamic(1.0, velocity=(Fraction(1, 3), Fraction(-1, 3) - Fraction(1, 10**40), 0))
+    contacts = [SceneContact("point", "wall", Contact.of((0, 0, 0), (1, 1, 0), 0.5, 0.3))]
+    needs = scene_requirements({"point": point, "wall": Body.static()}, contacts, 1e-6)
+    reason = "point - wall meets the tolerance in no model"
+    assert needs.geometry == (Geometry.SPATIAL, reason)
+    assert needs.precision == (Precision.EXTENDED, reason)
