@@ -225,6 +225,16 @@ class TestReplay:
         path = str(recording([right._replace(impact=wrong)]))
         assert main(["replay", path, "--tolerance", tolerance]) == is_reported
 
+    def test_without_a_tolerance_the_least_float_is_a_difference(self, recording):
+        """The impulse is along z: relative to it, the least float across it is 0."""
+        contact = Contact.of((0, 0, 0), (0, 0, 1), 0.5)
+        right = record(1, (Body.dynamic(4.0, velocity=(0, 0, -1)), FLOOR, contact, ImpactModel()))
+        P = right.impact.impulse
+        assert P.x == 0 and P.z == 6
+        path = str(recording([right._replace(impact=right.impact._replace(impulse=P._replace(x=5e-324)))]))
+        assert main(["replay", path]) == 1
+        assert main(["replay", path, "--tolerance", "5e-324"]) == 0
+
     def test_a_request_that_is_refused_now_differs(self, recording, capsys):
         body, floor, contact, model = next(requests())
         impact = resolve(body, floor, contact, model)

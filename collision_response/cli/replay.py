@@ -43,7 +43,7 @@ def main(arguments: list[str]) -> int:
     )
     for row, differences, name in answers:
         try:
-            reported = [d for d in differences(row) if _relative_difference(*d[1:]) > given.tolerance]
+            reported = [d for d in differences(row) if not _is_within(given.tolerance, *d[1:])]
         except ValueError as error:
             print(f"collision_response replay: answer {row['answer']}: {error}", file=sys.stderr)
             return 2
@@ -65,10 +65,10 @@ def _tolerance(text: str) -> float:
     return tolerance
 
 
-def _relative_difference(before: Any, after: Any) -> float:
-    """Difference of two numbers or lists, relative to the first; infinite for words and other lengths."""
+def _is_within(tolerance: float, before: Any, after: Any) -> bool:
+    """Whether two numbers or lists that differ do so by at most ``tolerance``, relative to the first."""
     before, after = (before, after) if isinstance(before, list) else ([before], [after])
-    if len(before) != len(after) or isinstance(before[0], str):
-        return math.inf
+    if not tolerance or len(before) != len(after) or isinstance(before[0], str):
+        return False
     size = math.hypot(*before)
-    return math.dist(before, after) / size if 0 < size < math.inf else math.inf
+    return 0 < size < math.inf and math.dist(before, after) / size <= tolerance
