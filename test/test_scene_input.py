@@ -268,6 +268,8 @@ def test_below_the_threshold_stronge_takes_the_least_restitution_that_it_can(e):
     expected = resolve_scene(bodies, pairs, least, ImpactModel(Law.ROUTH_STRONGE))
     assert answer.adjustments is Adjustment.RESTITUTION_THRESHOLD
     assert (answer.twists, answer.contacts) == (expected.twists, tuple(least))
+    already = resolve_scene(bodies, pairs, least, answer.model._replace(restitution_threshold=10.0))
+    assert already._replace(model=answer.model) == answer
     contacts[0] = contacts[0]._replace(restitution=0.0)
     with refused(StatusCode.INVALID_COEFFICIENT, "contacts[0].restitution", match=r"is 0\.0$"):
         resolve_scene(bodies, pairs, contacts, answer.model._replace(restitution_threshold=10.0))
@@ -607,6 +609,57 @@ def test_order_sensitivity_is_positive_for_a_box_and_zero_for_a_ball():
     assert resolve_scene([BALL, FLOOR], [(0, 1)], [UP], orders=4).order_sensitivity == 0
     assert box().resolve().order_sensitivity is None
     assert row_of_balls((1, 0, 0), number=float).resolve(options={"orders": 4}).order_sensitivity == 0
+
+
+def test_order_sensitivity_takes_the_restitution_of_each_contact():
+    """FRICTIONLESS takes one for the cluster. The outer balls of masses 1, 2, 1 come at 1 m/s."""
+    one, two = Body.sphere(1.0, 0.5), Body.sphere(2.0, 0.5, position=(1.0, 0.0, 0.0))
+    bodies = [
+        one._replace(velocity=Vec3(1.0, 0.0, 0.0)),
+        two,
+        one._replace(position=Vec3(2.0, 0.0, 0.0), velocity=Vec3(-1.0, 0.0, 0.0)),
+    ]
+    contacts = [Contact.of((i + 0.5, 0.0, 0.0), (-1.0, 0.0, 0.0), e) for i, e in enumerate((0.25, 0.5))]
+    before, masses = np.array([F(1), F(0), F(-1)]), (1, 2, 1)
+    changes = [_one_by_one(before, masses, (F(1, 4), F(1, 2)), order) - before for order in ((0, 1), (1, 0))]
+    sizes = [change * change @ masses for change in changes]
+    distance = (changes[0] - changes[1]) ** 2 @ masses
+    expected = math.sqrt(distance / min(sizes))
+    for numbers in ((0.25, 0.5), (lambda speed: 0.25, lambda speed: 0.5)):
+        given = [contact._replace(restitution=e) for contact, e in zip(contacts, numbers, strict=True)]
+        answer = resolve_scene(bodies, [(0, 1), (1, 2)], given, orders=2)
+        assert answer.order_sensitivity == pytest.approx(expected, rel=1e-8)  # an approach of 1e-9 is rest
+
+
+def _one_by_one(velocities, masses, restitutions, order):
+    """Velocities along a row after impacts one by one, in fractions, until approaches are below 1e-12."""
+    v = velocities.copy()
+    while any(v[i] - v[i + 1] > F(1, 10**12) for i in order):
+        for i in order:
+            approach, mass = v[i] - v[i + 1], F(masses[i] * masses[i + 1], masses[i] + masses[i + 1])
+            if approach > 0:
+                impulse = (1 + restitutions[i]) * mass * approach
+                v[i], v[i + 1] = v[i] - impulse / masses[i], v[i + 1] + impulse / masses[i + 1]
+    return v
+
+
+def test_order_sensitivity_is_infinite_where_impacts_one_by_one_never_end():
+    ball = Body.sphere(1.0, 0.5, velocity=(1.0, 0.0, 0.0))
+    walls = [Contact.of((x, 0.0, 0.0), (-2 * x, 0.0, 0.0), 1.0) for x in (-0.5, 0.5)]
+    answer = resolve_scene([ball, FLOOR], [(0, 1)] * 2, walls, orders=2)
+    assert answer.order_sensitivity == math.inf
+    assert str(answer).splitlines()[-1] == "order sensitivity inf"
+
+
+def test_order_sensitivity_of_a_cluster_knows_nothing_of_others():
+    """A box that lands 1e10 times as slowly as a ball elsewhere."""
+    alone = box((0, 0, -1e-10))
+    ball = BALL._replace(position=Vec3(50.0, 0.0, 0.5))
+    contact = Contact.of((50.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    bodies, pairs = [*alone.bodies, ball], [*alone.pairs, (len(alone.bodies), 1)]
+    answer = resolve_scene(bodies, pairs, [*alone.contacts, contact], orders=2)
+    assert len(answer.clusters) == 2
+    assert answer.order_sensitivity == alone.resolve(options={"orders": 2}).order_sensitivity > 0.3
 
 
 def test_order_sensitivity_of_fractions_is_that_of_floats():

@@ -47,7 +47,8 @@ class SceneImpact(NamedTuple):
             :class:`~collision_response.Impact`. With friction one of them may be negative, but not their sum.
         clusters: indices of the contacts that were resolved together.
         order_sensitivity: greatest distance between the answers if contacts are resolved one after another,
-            over the orders tried, relative to the change of velocity; ``None`` if none were tried.
+            over the orders tried, relative to the change of velocity, in the cluster where it is greatest;
+            infinite if an order does not end, ``None`` if none were tried.
         error_bound: upper bound on the error of the change of any twist, relative to the largest change in
             its cluster, in the norm of :class:`~collision_response.Impact`. Infinite if nothing can be said.
             In clusters resolved by ROUTH_STRONGE, or by MOREAU with friction, it is an estimate; with MOREAU

@@ -165,16 +165,18 @@ def _in_numbers_with_threshold(
     """
     cluster, parts = _in_numbers(scene, parts, options.exact)
     threshold, contacts = as_fraction(options.model.restitution_threshold), list(parts.contacts)
+    any_is_below = False
     if not threshold:
-        return cluster, parts, False
+        return cluster, parts, any_is_below
     for i, is_below in enumerate(cluster.approaches_below(threshold)):
         e = contacts[i].restitution
         if e > 0 and (_approaches_below(parts.select([i]), threshold) if is_below is None else is_below):
             least = LEAST_SPRING_RESTITUTION if options.law is Law.ROUTH_STRONGE else e * 0
             contacts[i] = contacts[i]._replace(restitution=min(e, least))
-    if contacts == parts.contacts:
-        return cluster, parts, False
-    return *_in_numbers(scene, parts._replace(contacts=contacts), options.exact), True
+            any_is_below = True
+    if contacts != parts.contacts:
+        cluster, parts = _in_numbers(scene, parts._replace(contacts=contacts), options.exact)
+    return cluster, parts, any_is_below
 
 
 def _approaches_below(parts: ClusterParts, threshold: Fraction) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from ..answer import norm_components
 from ..in_python.request_numbers import read_request
@@ -20,37 +20,57 @@ from ..physics.vector import Vec3
 from ..resolve import resolve
 from ..status import StatusCode
 from .find_clusters import Pair
-from .request import ContactIndices, with_scene_names
+from .request import ContactIndices, SceneRequest, with_scene_names
 
 SWEEPS = 1000
-"""Greatest number of passes over the contacts: between walls, impacts with e = 1 never end."""
+"""Greatest number of passes over the contacts: a ball pressed between two walls, with e = 1, never stops."""
 
 AT_REST = 1e-9
 """Approaches slower than this fraction of the fastest one are ignored."""
 
 
 def order_sensitivity(
+    scene: SceneRequest, clusters: Iterable[Sequence[int]], model: ImpactModel, orders: int
+) -> float:
+    """Return the greatest relative distance between the changes of velocity that two orders give.
+
+    It is that of the cluster where it is greatest, and infinite where an order does not end. Each impact has
+    the restitution of its own contact, also where the law takes one for the cluster. All of it is computed in
+    floats: fractions would grow with every impact.
+    """
+    bodies, contacts = list(scene.bodies), list(scene.contacts)
+    for i, (a, b) in enumerate(scene.pairs):
+        given = contacts[i]
+        bodies[a], bodies[b], contacts[i] = read_request(bodies[a], bodies[b], given)
+        if callable(given.restitution):  # each impact has its own speed
+            contacts[i] = contacts[i]._replace(restitution=given.restitution)
+        if callable(given.friction):
+            contacts[i] = contacts[i]._replace(friction=given.friction)
+    rng = random.Random(0)
+    return max(
+        (_of_cluster(bodies, scene.pairs, contacts, model, cluster, orders, rng) for cluster in clusters),
+        default=0.0,
+    )
+
+
+def _of_cluster(
     bodies: Sequence[Body],
     pairs: Sequence[Pair],
     contacts: Sequence[Contact],
     model: ImpactModel,
+    cluster: Sequence[int],
     orders: int,
+    rng: random.Random,
 ) -> float:
-    """Return the greatest relative distance between the changes of velocity that two orders give.
-
-    It is computed in floats: fractions would grow with every impact.
-    """
-    bodies, contacts = list(bodies), list(contacts)
-    for i, (a, b) in enumerate(pairs):
-        bodies[a], bodies[b], contacts[i] = read_request(bodies[a], bodies[b], contacts[i])
-    indices = list(range(len(contacts)))
-    rng = random.Random(0)
     answers: list[list[Twist]] = []
     for k in range(orders):
-        order = indices[::-1] if k == 1 else list(indices)
+        order = list(reversed(cluster)) if k == 1 else list(cluster)
         if k > 1:
             rng.shuffle(order)
-        answers.append(resolve_sequentially(bodies, pairs, contacts, model, order))
+        answer = resolve_sequentially(bodies, pairs, contacts, model, order)
+        if answer is None:
+            return math.inf
+        answers.append(answer)
     return max(relative_distance(bodies, one, other) for one in answers for other in answers)
 
 
@@ -75,8 +95,10 @@ def resolve_sequentially(
     contacts: Sequence[Contact],
     model: ImpactModel,
     order: Sequence[int],
-) -> list[Twist]:
+) -> list[Twist] | None:
     """Return the change of each body's twist if contacts are resolved one by one until none approaches.
+
+    None if that takes more than ``SWEEPS`` passes.
 
     Raises:
         ImpactError: if an impact on the way has no answer; its field is named as in the scene.
@@ -98,11 +120,11 @@ def resolve_sequentially(
                 if moved[body].is_movable():
                     moved[body] = moved[body].with_twist(twist)
         if not any_approaches:
-            break
-    return [
-        Twist(
-            Vec3(*after.velocity) - Vec3(*before.velocity),
-            Vec3(*after.angular_velocity) - Vec3(*before.angular_velocity),
-        )
-        for before, after in zip(bodies, moved, strict=True)
-    ]
+            return [
+                Twist(
+                    Vec3(*after.velocity) - Vec3(*before.velocity),
+                    Vec3(*after.angular_velocity) - Vec3(*before.angular_velocity),
+                )
+                for before, after in zip(bodies, moved, strict=True)
+            ]
+    return None

@@ -118,8 +118,7 @@ def resolve_scene(
     answers = [_resolve_one(scene, cluster, options) for cluster in clusters]
     answer = _combine(scene, options, clusters, answers)
     if orders:
-        sensitivity = order_sensitivity(scene.bodies, scene.pairs, answer.contacts, model, orders)
-        answer = answer._replace(order_sensitivity=sensitivity)
+        answer = answer._replace(order_sensitivity=order_sensitivity(scene, clusters, model, orders))
     return answer
 
 
