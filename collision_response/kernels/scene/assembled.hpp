@@ -143,6 +143,15 @@ struct ContactAxis {
   R row[2][6], velocity;
 };
 
+// A unit normal and two tangents (Duff et al. 2017).
+template <class R>
+std::array<std::array<R, 3>, 3> axes_along(const std::array<R, 3>& normal) {
+  const auto& [x, y, z] = normal;
+  const double side = high(x) < 0 ? -1 : 1;
+  const R sign = constant<R>(side), c = constant<R>(-1) / (sign + x), d = y * z * c;
+  return {{{x, y, z}, {-(sign * y), constant<R>(1) + sign * (y * y * c), sign * d}, {-z, d, sign + z * z * c}}};
+}
+
 struct AssembledContact {
   int body[2];  // places among the movable bodies; -1: immovable
   int wall[2];  // places among the walls; -1: no wall that moves
@@ -164,14 +173,11 @@ struct AssembledContact {
 
   double unit() const { return scale * length; }  // 1 / sqrt(n.K n) of the unit normal
 
-  // The unit normal and two tangents (Duff et al. 2017).
+  // The unit normal and two tangents.
   template <class R>
   std::array<std::array<R, 3>, 3> unit_vectors() const {
-    const R by = length_in<R>(), x = constant<R>(normal[0]) / by, y = constant<R>(normal[1]) / by,
-            z = constant<R>(normal[2]) / by;
-    const double side = high(x) < 0 ? -1 : 1;
-    const R sign = constant<R>(side), c = constant<R>(-1) / (sign + x), d = y * z * c;
-    return {{{x, y, z}, {-(sign * y), constant<R>(1) + sign * (y * y * c), sign * d}, {-z, d, sign + z * z * c}}};
+    const R by = length_in<R>();
+    return axes_along<R>({constant<R>(normal[0]) / by, constant<R>(normal[1]) / by, constant<R>(normal[2]) / by});
   }
   template <class R>
   R length_in() const {

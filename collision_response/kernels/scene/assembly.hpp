@@ -86,6 +86,13 @@ struct Assembly {
     return all;
   }
 
+  // One body of a contact; nullptr: it is at rest and immovable.
+  const AssembledBody* body_of(const AssembledContact& contact, int side) const {
+    return contact.body[side] >= 0   ? &bodies[contact.body[side]]
+           : contact.wall[side] >= 0 ? &walls[contact.wall[side]]
+                                     : nullptr;
+  }
+
  private:
   std::optional<AssembledBody> first_wall;
   Vector A;
@@ -93,13 +100,6 @@ struct Assembly {
 
   template <class R>
   std::vector<R> scaled_couplings() const;
-
-  // One body of a contact; nullptr: it is at rest and immovable.
-  const AssembledBody* body_of(const AssembledContact& contact, int side) const {
-    return contact.body[side] >= 0   ? &bodies[contact.body[side]]
-           : contact.wall[side] >= 0 ? &walls[contact.wall[side]]
-                                     : nullptr;
-  }
 
   void set_columns(AssembledContact& contact) const;
   template <class R>

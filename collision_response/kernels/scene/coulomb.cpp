@@ -80,8 +80,8 @@ Vector sticking_multipliers(const Assembly& assembly, const std::vector<int>& lo
 }
 
 // The least velocity at which a contact is pressed, or parts, and the least pull that keeps it from parting. Errors of the
-// normals of a box, up to 1e-4, let its fourth corner part as slowly as that.
-constexpr double LEAST_CHANGE = 1e-3, LEAST_PULL = 1e-6;
+// normals of a box, up to 1e-4, let its fourth corner part as slowly as that, and pull as little.
+constexpr double LEAST_CHANGE = 1e-3, LEAST_PULL = 1e-4;
 
 // The programme of least work for the contacts that are loaded. Its velocities are in units of `speed`.
 struct LeastWork {
@@ -142,7 +142,8 @@ struct LeastWork {
     return std::sqrt(2 * contact.mu * (shared.loads[i] / speed) * (slip * contact.scale / speed)) * speed;
   }
 
-  Cones<double> as_cones() const {
+  // `plastic`: for velocities less those that are kept, so that nothing rebounds.
+  Cones<double> as_cones(bool plastic = false) const {
     Cones<double> programme(assembly.body_count);
     programme.cones.reserve(loaded.size());
     bool has_heavy = false, are_kept = true;  // whether a body is heavy, and all normal velocities are kept
@@ -154,6 +155,7 @@ struct LeastWork {
       programme.cones.push_back(cone_of(contact, contact.axes, speed, mean, part, load));
       programme.kept_velocities.push_back((before.velocity(i, 0) - contact.axes[0].velocity) * unit);
       velocities.push_back(before.velocity(i, 0) * unit);
+      if (plastic) programme.cones.back().w[0] -= velocities.back();
       has_heavy = has_heavy || programme.cones.back().has_heavy_body();
       are_kept = are_kept && !programme.cones.back().is_partial();
     }
@@ -167,7 +169,7 @@ struct LeastWork {
     std::vector<Axes> P;
     Motion after;
     double error;
-    double pull;  // see pull_of()
+    double pull;  // see pull()
   };
   // The impulses of least work of the contacts that are loaded.
   Solution least_work() const {
@@ -179,8 +181,20 @@ struct LeastWork {
       found.P[i] = in_newton_seconds(programme.P[k], assembly.contacts[i], speed);
       found.after.apply(i, found.P[i]);
     }
-    found.pull = pull_of(programme) * speed;
+    found.pull = pull(programme) * speed;
     return found;
+  }
+
+  // The pull of a programme without that of the rebounds, which press.
+  double pull(const Cones<double>& programme) const {
+    if (!(frictionless.restitution > 0)) return pull_of(programme);
+    const auto& P = programme.P;
+    if (std::all_of(P.begin(), P.end(), [](const Axes& one) { return one[0] > 0; })) return 0;
+    Cones<double> plastic = as_cones(true);
+    plastic.enough = LEAST_PULL / 10;
+    plastic.solve_from(Cones<double>::FIRST_RHO, P);
+    plastic.go_on();
+    return pull_of(plastic);
   }
 
   // How much of the effect that keeps the velocities takes impulses which pull at contacts without a load. Contacts of one
@@ -221,6 +235,25 @@ struct LeastWork {
     return false;
   }
 
+  // The velocity of a contact that GRR leaves, along its own axes: only the normal part of it. Contacts of a face whose
+  // normals and heights are slightly off cannot all have rebounds along their own normals and stick. So they have those of
+  // their face: along its normal, and as it turns. Fast slip makes own rebounds differ from these by more than a little.
+  Axes rebound(int i, const ConditionAxes& axes) const {
+    constexpr double LITTLE = 1e-3;  // relative to `speed`
+    const AssembledContact& contact = assembly.contacts[i];
+    const double little = LITTLE * speed / contact.unit();
+    const Axes u = before.velocity(i);
+    const double along_face = dot(axes.in_own[0].data(), u.data(), 3);
+    Axes sum{u[0], 0, 0};
+    if (std::fabs(along_face - u[0]) <= little)
+      for (int k = 0; k < 3; ++k) sum[k] = along_face * axes.in_own[0][k];
+    const Axes by_turning = cross(before.spin(i).data(), axes.above.data());
+    const auto own = contact.unit_vectors<double>();
+    if (std::sqrt(dot(by_turning.data(), by_turning.data(), 3)) <= little)
+      for (int k = 0; k < 3; ++k) sum[k] += dot(by_turning.data(), own[k].data(), 3);
+    return sum;
+  }
+
   // The impulses that obey Coulomb's conditions, if these are the only ones, and friction presses contacts or lets some
   // part.
   std::optional<Solution> by_coulombs_conditions(bool presses) const {
@@ -229,7 +262,7 @@ struct LeastWork {
     const std::vector<ConditionAxes> axes = face_axes(assembly);
     std::vector<Axes> rebounds(assembly.count);  // of plastic impacts exactly 0, which rounding would hide
     for (int i : loaded)
-      if (frictionless.restitution > 0) rebounds[i] = before.velocity(i);
+      if (frictionless.restitution > 0) rebounds[i] = rebound(i, axes[i]);
     const bool on_faces = std::all_of(loaded.begin(), loaded.end(), [&](int i) { return axes[i].on_face; });
     const ClusterImpulses impulses = obey_coulomb(assembly, axes, rebounds, BUDGET, on_faces);
     if (!impulses.are_found) return {};

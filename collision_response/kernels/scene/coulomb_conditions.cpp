@@ -16,7 +16,7 @@
 // There may be several solutions, and many where friction is great or where more contacts than necessary share a load.
 // Contacts that give choose one that is as symmetric as the scene.
 //
-// Where the normals of a face are off by rounding, the least of these differences may decide which solution is found. So the
+// Where the normals of a face are slightly off, the least of these differences may decide which solution is found. So the
 // equations are solved for contacts with the axes of their face first. The own axes then only make this more exact.
 //
 // The error bound is an estimate. P obeys the conditions exactly for velocities that differ a little: see off(). The
@@ -52,7 +52,8 @@ class Conditions {
     for (int i = 0; i < assembly.count; ++i) {
       const AssembledContact& contact = assembly.contacts[i];
       Cone<double> cone = cone_of(contact, given[i].axes, speed, mean);
-      cone.w[0] -= given[i].normal_part(rebounds[i]) * contact.unit() / speed;
+      for (int k = 0; k < (cone.mu > 0 ? 3 : 1); ++k)
+        cone.w[k] -= dot(given[i].in_own[k].data(), rebounds[i].data(), 3) * contact.unit() / speed;
       graph.pairs.push_back({cone.body[0], cone.body[1]});
       cones.push_back(cone);
     }
@@ -323,7 +324,7 @@ class Conditions {
 double motion_error(const Conditions& solved, double turned, bool on_faces) {
   // Relative to velocities and impulses. Places or normals that are off by 1e-9 make P creep for slips of CREEPING.
   constexpr double EXACT = 0x1p-44, CREEPING = 0x1p-30, ROUNDING = 0x1p-50;
-  constexpr double LEAST_OF_CREEPING = 1e-6;  // P is not followed to where it ends: far above the errors seen
+  constexpr double LEAST_OF_CREEPING = 1e-7;  // P is not followed to where it ends: far above the errors seen
   constexpr double FARTHER = 10;  // change of velocities, relative to off()
   constexpr double CAUTION = 4;  // the directions tried may not be those in which the error is greatest
   constexpr int TRIES = 3;
@@ -413,17 +414,79 @@ Solution turned_back(const Assembly& assembly, const std::vector<ConditionAxes>&
   return solution;
 }
 
-// Solve the conditions along the own axes, too, and take their solution if its motion is nearly the one that was found.
+// Solve the conditions along the own axes, too, and take their solution if its motion is nearly the one that was found. If
+// they lead elsewhere, the one that was found counts if its error is small.
 void refine(Solution& solution, const Conditions& found, Conditions along_own, bool on_faces) {
-  constexpr double NEAR = 1e-5;  // relative to the greatest impulse
+  constexpr double NEAR = 1e-3, SMALL = 1e-7;  // relative to the greatest impulse
   if (solution.error == INFINITY || !along_own.solve_from(solution.P)) return;
   Vector off = along_own.y;
   increase(off, -1, found.y);
   const double apart = length_of(off);
-  if (apart > std::fmax(solution.error, NEAR * found.greatest())) return;
+  if (apart > std::fmax(solution.error, NEAR * found.greatest())) {
+    if (solution.error > SMALL * found.greatest()) solution.error = INFINITY;
+    return;
+  }
   solution.error = std::fmax(solution.error, apart);
   const double error = motion_error(along_own, 0, on_faces);
   if (error <= solution.error) solution = {along_own.P, error};
+}
+
+// The contacts on one face with the first. Neighbours may be tilted by as much as this, so that no order matters.
+std::vector<int> face_of(const Assembly& assembly, int first) {
+  constexpr double TILT = 4.5e-5;
+  std::vector<int> face{first};
+  std::vector<bool> is_found(assembly.count);
+  is_found[first] = true;
+  for (size_t k = 0; k < face.size(); ++k)
+    for (int i = first + 1; i < assembly.count; ++i)
+      if (!is_found[i] && are_on_one_face(assembly, face[k], i, TILT)) {
+        is_found[i] = true;
+        face.push_back(i);
+      }
+  return face;
+}
+
+// Set the axes of the contacts of a face: along their mean normal, seen from body_a of the first.
+void set_face_axes(const Assembly& assembly, const std::vector<int>& face, std::vector<ConditionAxes>& all) {
+  constexpr double ROUNDING = 0x1p-49;  // of a unit normal
+  auto unit_vectors = [&](int i) { return assembly.contacts[i].unit_vectors<double>(); };
+  const Axes first_normal = unit_vectors(face[0])[0];
+  auto sign_of = [&](const Axes& normal) {  // the bodies may be swapped
+    return dot(first_normal.data(), normal.data(), 3) < 0 ? -1.0 : 1.0;
+  };
+  Axes normal{}, middle{};
+  for (int i : face) {
+    const Axes own = unit_vectors(i)[0];
+    for (int k = 0; k < 3; ++k) {
+      normal[k] += sign_of(own) * own[k];
+      middle[k] += assembly.contacts[i].point[k] / static_cast<double>(face.size());
+    }
+  }
+  const double length = std::sqrt(dot(normal.data(), normal.data(), 3));
+  for (double& one : normal) one /= length;
+  const std::array<Axes, 3> to = axes_along(normal);
+  for (int i : face) {
+    ConditionAxes& axes = all[i];
+    axes.on_face = true;
+    const AssembledContact& own = assembly.contacts[i];
+    const std::array<Axes, 3> from = unit_vectors(i);
+    const double sign = sign_of(from[0]);
+    double height = 0;
+    for (int k = 0; k < 3; ++k) {
+      height += normal[k] * (own.point[k] - middle[k]);
+      axes.is_turned = axes.is_turned || std::fabs(sign * normal[k] - from[0][k]) > ROUNDING;
+    }
+    for (int k = 0; k < 3; ++k) axes.above[k] = height * normal[k];
+    if (!axes.is_turned) continue;
+    axes.axes = {};
+    for (int a = 0; a < 3; ++a)
+      for (int b = 0; b < 3; ++b) {
+        const double part = axes.in_own[a][b] = sign * dot(to[a].data(), from[b].data(), 3);
+        axes.axes[a].velocity += part * own.axes[b].velocity;
+        for (int side = 0; side < 2; ++side)
+          for (int k = 0; k < 6; ++k) axes.axes[a].row[side][k] += part * own.axes[b].row[side][k];
+      }
+  }
 }
 
 }  // namespace
@@ -435,29 +498,14 @@ std::vector<ConditionAxes> own_axes(const Assembly& assembly) {
 }
 
 std::vector<ConditionAxes> face_axes(const Assembly& assembly) {
-  constexpr double ROUNDING = 0x1p-50;  // of a unit normal
   std::vector<ConditionAxes> all = own_axes(assembly);
-  for (int i = 0; i < assembly.count; ++i)
-    for (int j = 0; j < i; ++j) {
-      if (!are_on_one_face(assembly, i, j)) continue;
-      all[i].on_face = all[j].on_face = true;
-      const AssembledContact& own = assembly.contacts[i];
-      const auto from = own.unit_vectors<double>(), to = assembly.contacts[j].unit_vectors<double>();
-      const double sign = dot(from[0].data(), to[0].data(), 3) < 0 ? -1 : 1;  // the bodies may be swapped
-      for (int k = 0; k < 3; ++k)
-        all[i].is_turned = all[i].is_turned || std::fabs(sign * to[0][k] - from[0][k]) > ROUNDING;
-      if (all[i].is_turned) {
-        all[i].axes = {};
-        for (int a = 0; a < 3; ++a)
-          for (int b = 0; b < 3; ++b) {
-            const double part = all[i].in_own[a][b] = sign * dot(to[a].data(), from[b].data(), 3);
-            all[i].axes[a].velocity += part * own.axes[b].velocity;
-            for (int side = 0; side < 2; ++side)
-              for (int k = 0; k < 6; ++k) all[i].axes[a].row[side][k] += part * own.axes[b].row[side][k];
-          }
-      }
-      break;
-    }
+  std::vector<bool> is_done(assembly.count);
+  for (int first = 0; first < assembly.count; ++first) {
+    if (is_done[first]) continue;
+    const std::vector<int> face = face_of(assembly, first);
+    for (int i : face) is_done[i] = true;
+    if (face.size() > 1) set_face_axes(assembly, face, all);
+  }
   return all;
 }
 

@@ -8,19 +8,18 @@ struct ConditionAxes {
   std::array<Axes, 3> in_own{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};  // each of them, along the own axes of the contact
   bool is_turned = false;  // whether these differ
   bool on_face = false;  // whether the contact is on one face with another
-
-  // Along the first one, of a velocity along the own axes.
-  double normal_part(const Axes& velocity) const { return dot(in_own[0].data(), velocity.data(), 3); }
+  Axes above{};  // where the contact is, in space, from the plane through the middle of its face
 };
 
 // Of each contact, its own axes.
 std::vector<ConditionAxes> own_axes(const Assembly& assembly);
-// Of each contact, the axes of the first contact of its face. The corners of a box whose normals are off by rounding then
+// Of each contact, the axes along the mean normal of its face. The corners of a box whose normals are slightly off then
 // share loads as if they were parallel.
 std::vector<ConditionAxes> face_axes(const Assembly& assembly);
 
 // The impulses, in doubles, after which no contact is slower than its rebound, none that is loaded is faster, and friction
-// opposes the slip. `rebounds`: velocities along the own axes of each contact. None are found if Newton's method does not
+// opposes the slip. `rebounds`: velocities along the own axes of each contact; they may
+// have tangential parts, relative to which it then sticks or slips. None are found if Newton's method does not
 // lead there within `budget` multiplications. The error is an estimate, and infinite if other shares of the load obey these
 // conditions with other velocities, or if impulses creep. `on_faces`: whether each contact that carries a load is on one
 // face with another. Then impulses may creep, because they only shift between these.

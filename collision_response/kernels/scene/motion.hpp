@@ -25,6 +25,20 @@ struct Motion {
         for (int k = 0; k < 6; ++k) sum += contact.axes[axis].row[side][k] * y[6 * contact.body[side] + k];
     return sum;
   }
+  // The angular velocity of body_a of contact i, relative to body_b.
+  Axes spin(int i) const {
+    const AssembledContact& contact = assembly->contacts[i];
+    Axes relative{};
+    for (int side = 0; side < 2; ++side) {
+      const AssembledBody* body = assembly->body_of(contact, side);
+      if (!body) continue;
+      double change[6]{};
+      if (contact.body[side] >= 0) body->centre_in_doubles.twist_of(&y[6 * contact.body[side]], change);
+      for (int k = 0; k < 3; ++k)
+        relative[k] += (side == 0 ? 1 : -1) * (body->x[BODY_ANGULAR_VELOCITY_X + k] + change[3 + k]);
+    }
+    return relative;
+  }
   double speed(int i) const { return std::hypot(velocity(i, 0), velocity(i, 1), velocity(i, 2)); }
   // A bound on the terms that the change of the normal velocity of a contact is the sum of.
   double size_at(int i) const {

@@ -163,12 +163,13 @@ Vector loads_nearby(const Assembly& assembly, const Vector& loads) {
 // decide nothing but how friction is spread. nearest(target) gives the loads of the same effect that are nearest to a target.
 template <class Nearest>
 Vector possible_loads(const Assembly& assembly, Vector loads, double least, const Nearest& nearest) {
+  constexpr double TILT = 4.5e-7;  // of normals of one face
   constexpr double FAR = 100;  // a target beyond any load, relative to the greatest
   const std::vector<AssembledContact>& contacts = assembly.contacts;
   const double greatest = greatest_of(loads), limit = least * greatest;
   auto may_share = [&](int i) {
     for (int j = 0; j < assembly.count; ++j)
-      if (loads[j] > limit && contacts[i].mu == contacts[j].mu && are_on_one_face(assembly, i, j)) return true;
+      if (loads[j] > limit && contacts[i].mu == contacts[j].mu && are_on_one_face(assembly, i, j, TILT)) return true;
     return false;
   };
   for (;;) {
@@ -189,8 +190,7 @@ Vector possible_loads(const Assembly& assembly, Vector loads, double least, cons
 
 }  // namespace
 
-bool are_on_one_face(const Assembly& assembly, int i, int j) {
-  constexpr double PARALLEL = 1e-13;
+bool are_on_one_face(const Assembly& assembly, int i, int j, double tilt) {
   const AssembledContact &one = assembly.contacts[i], &other = assembly.contacts[j];
   double product = 0;
   for (int k = 0; k < 3; ++k) product += one.normal[k] / one.length * (other.normal[k] / other.length);
@@ -201,7 +201,7 @@ bool are_on_one_face(const Assembly& assembly, int i, int j) {
   };
   if (same(0, 1) && same(1, 0)) product = -product;
   else if (!(same(0, 0) && same(1, 1))) return false;
-  return product > 1 - PARALLEL;
+  return product > 1 - tilt * tilt / 2;
 }
 
 SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p) {

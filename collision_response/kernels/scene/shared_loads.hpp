@@ -17,8 +17,8 @@ inline Vector loads_of(const Assembly& assembly, const std::vector<DD>& p) {
 }
 inline double greatest_of(const Vector& loads) { return *std::max_element(loads.begin(), loads.end()); }
 
-// Whether two contacts lie on one face: they touch the same bodies, and their normals are the same up to 4e-7.
-bool are_on_one_face(const Assembly& assembly, int i, int j);
+// Whether two contacts lie on one face: they touch the same bodies, and their normals are the same up to `tilt`.
+bool are_on_one_face(const Assembly& assembly, int i, int j, double tilt);
 
 struct SharedLoads {
   Vector loads;  // of contacts that take full part, nearly shared loads where some contact needs them
