@@ -299,3 +299,33 @@ def test_results_are_compared_by_identity():
 def test_workers_may_be_any_integer_type(workers):
     bodies, contacts = shared_batch(Geometry.SPATIAL)
     assert_same(resolve_batch(bodies, contacts, workers=workers), resolve_batch(bodies, contacts))
+
+
+class LiesAboutItsShape(np.ndarray):
+    shape = property(lambda self: (4, 2, 10_000_000))
+
+
+@pytest.mark.parametrize("which", ["bodies", "contacts"])
+def test_an_array_that_lies_about_its_shape_is_read_as_it_is(which):
+    """The kernel read beyond its end."""
+    rows, contact = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    tables = {"bodies": np.ones((rows.height, 2, 1)), "contacts": np.ones((contact.height, 1))}
+    expected = resolve_batch(**tables)
+    tables[which] = tables[which].view(LiesAboutItsShape)
+    assert_same(resolve_batch(**tables), expected)
+
+
+@pytest.mark.filterwarnings("ignore:the matrix subclass:PendingDeprecationWarning")
+@pytest.mark.parametrize("seed", range(20))
+def test_a_matrix_gives_what_an_array_gives(seed):
+    """A matrix loses an axis where one row is computed again with more digits."""
+    rows, contact = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    rng = np.random.default_rng(seed)
+    bodies, contacts = rng.normal(size=(rows.height, 4)), rng.normal(size=(contact.height, 2))
+    bodies[rows.mass] = rng.random((1, 4)) + 0.5
+    contacts[contact.restitution], contacts[contact.friction] = 0.5, 0.3
+    for tolerance in (4e-15, 1e-14, 3e-14):
+        model, pairs = ImpactModel(tolerance=tolerance), np.array([[0, 2], [1, 3]])
+        expected = resolve_batch(bodies, contacts, model, pairs=pairs)
+        found = resolve_batch(np.matrix(bodies), np.matrix(contacts), model, pairs=pairs)
+        assert_same(found, expected)

@@ -629,6 +629,7 @@ def test_pairs_may_be_unaligned():
             {"status": lambda status: status.astype(float)},
             r"^result\.status: must be status codes, is float64",
         ),
+        ({"status": lambda status: status + 50}, r"^result\.status: must be status codes, has others"),
     ],
 )
 def test_results_that_do_not_fit_are_refused_before_anything_is_written(change, message):

@@ -77,3 +77,58 @@ def test_an_interrupt_in_a_number_of_the_caller_is_not_swallowed(method, count):
             resolve(*bodies, contacts[0])
         else:
             resolve_scene(bodies, [(0, 1)] * count, contacts)
+
+
+def test_an_interrupt_when_a_number_is_read_again_is_not_swallowed():
+    """A scene reads the body of a single contact once more than resolve()."""
+    calls = iter((1.0, None))
+
+    def number(_: object) -> float:
+        return next(calls) or interrupt()
+
+    methods = {"__float__": number, "__eq__": lambda *_: True, "__lt__": lambda *_: True}
+    mass = type("Number", (), methods)()
+    bodies = [Body.dynamic(1.0)._replace(mass=mass), Body.static()]
+    with pytest.raises(KeyboardInterrupt):
+        resolve_scene(bodies, [(0, 1)], [Contact.of((0.0, 0, 0), (0, 0, 1))])
+
+
+@pytest.mark.parametrize("method", ["__float__", "__eq__", "__iter__"])
+def test_a_number_of_the_caller_that_needs_too_much_memory_says_so(method):
+    def fail(_: object, *__: object) -> None:
+        raise MemoryError
+
+    methods = {"__float__": lambda _: 1.0, "__eq__": lambda *_: True, "__iter__": lambda _: iter([0.0] * 3)}
+    number = type("Number", (), methods | {method: fail})()
+    velocity = number if method == "__iter__" else (number, 0.0, -1.0)
+    body = Body.dynamic(1.0)._replace(velocity=velocity)
+    with pytest.raises(MemoryError):
+        resolve(body, Body.static(), Contact.of((0.0, 0, 0), (0, 0, 1)))
+
+
+WITHOUT_MEMORY = """
+import _testcapi
+from collision_response import Body, Contact, resolve_scene
+
+cube = Body.box(1.0, (1.0, 1.0, 1.0), position=(0.0, 0.0, 0.5), velocity=(0.5, 0.0, -1.0))
+corners = [Contact.of((x, y, 0.0), (0.0, 0.0, 1.0), 0.5, 0.3) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
+scene = [cube, Body.static()], [(0, 1)] * 5, [*corners, corners[0]]  # a contact given twice takes the long way
+resolve_scene(*scene)
+for allocations in range(900):
+    error = None
+    _testcapi.set_nomemory(allocations, allocations + 1)
+    try:
+        resolve_scene(*scene)
+    except BaseException as raised:
+        error = raised
+    _testcapi.remove_mem_hooks()
+    if type(error) not in (MemoryError, type(None)):
+        print(allocations, repr(error))
+"""
+
+
+def test_a_scene_without_memory_raises_memory_error():
+    """Whichever allocation of Python fails. The list of a result held an error, which became SystemError."""
+    pytest.importorskip("_testcapi")
+    result = run_python("-c", WITHOUT_MEMORY)
+    assert (result.stdout, result.returncode) == ("", 0), result.stderr

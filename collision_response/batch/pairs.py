@@ -130,12 +130,14 @@ def scatter_velocities(bodies: Array, pairs: Any, result: BatchResult) -> None:
         raise ValueError("bodies: must be an array that can be changed, is read-only")
     if not all(hasattr(result, name) for name in MOTION):
         raise ValueError(f"result: must be a BatchResult, is {type(result).__name__}")
-    pairs, rows = as_pairs(pairs), rows_of(bodies.shape[0])
+    pairs, rows = as_pairs(pairs).copy(), rows_of(bodies.shape[0])  # another thread may change them
     status, velocity, spin = (as_numpy(f"result.{name}", getattr(result, name)) for name in MOTION)
     if status.shape != pairs.shape[1:]:
         raise ValueError(f"pairs: must be those of the {status.size} contacts, are {pairs.shape[1]}")
     if status.dtype.kind not in "iu":
         raise ValueError(f"result.status: must be status codes, is {status.dtype}")
+    if not np.isin(status, list(StatusCode)).all():
+        raise ValueError("result.status: must be status codes, has others")
     for name, motion, own in (
         ("velocity", velocity, rows.velocity),
         ("angular_velocity", spin, rows.angular_velocity),

@@ -53,6 +53,9 @@ class BatchRequest(NamedTuple):
     @classmethod
     def of(cls, bodies: Array, contacts: Array, model: ImpactModel, pairs: Array | None) -> BatchRequest:
         """Return the request for these arrays. Raises: as ``resolve_batch``."""
+        check_unmasked("bodies", bodies)
+        check_unmasked("contacts", contacts)
+        bodies, contacts = np.asarray(bodies), np.asarray(contacts)  # subclasses may lie about their shapes
         return cls(plan_for(bodies, contacts, model, pairs), bodies, pairs, contacts)
 
     def contiguous(self) -> BatchRequest:
@@ -78,8 +81,6 @@ class BatchRequest(NamedTuple):
 
 def plan_for(bodies: Array, contacts: Array, model: ImpactModel, pairs: Array | None) -> BatchPlan:
     """Return the plan for a batch with such tables. Raises: as ``resolve_batch``."""
-    check_unmasked("bodies", bodies)
-    check_unmasked("contacts", contacts)
     shape, n = bodies.shape, contacts.shape[-1] if contacts.ndim == 2 else -1
     if pairs is None:
         fits = len(shape) == 3 and shape[1:] == (2, n)

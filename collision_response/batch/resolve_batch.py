@@ -104,7 +104,7 @@ def resolve_batch(
     request = BatchRequest.of(bodies, contacts, model, None if pairs is None else as_pairs(pairs))
     if out is None:
         request = request.contiguous()
-        fields = request.plan.result_fields(contacts.shape[1], report)
+        fields = request.plan.result_fields(request.contacts.shape[1], report)
         out = fields.mapped(lambda field: np.empty(*field))
     elif report and out.regime is None:
         raise ValueError("out.regime: must be there for a report, is None")

@@ -32,6 +32,7 @@ bool read_list(PyObject* list, Vector& x) {
 template <class Make> PyObject* listed(size_t count, Make make) {
   PyObject* list = PyList_New(static_cast<Py_ssize_t>(count));
   for (size_t i = 0; list && i < count; ++i) PyList_SET_ITEM(list, static_cast<Py_ssize_t>(i), make(i));
+  if (PyErr_Occurred()) Py_CLEAR(list);
   return list;
 }
 

@@ -26,9 +26,11 @@ static __attribute__((noinline, cold)) bool set_type_error(const std::string& te
   return false;
 }
 
-// Clear an error that a function of an object has raised. False if it is no Exception, such as Ctrl-C, and stays set.
+// Clear an error that a function of an object has raised. False if it stays set: one that is no Exception, such as Ctrl-C,
+// or that no memory is left.
 static bool clear_exception() {
-  if (PyErr_Occurred() && !PyErr_ExceptionMatches(PyExc_Exception)) return false;
+  if (PyErr_Occurred() && (!PyErr_ExceptionMatches(PyExc_Exception) || PyErr_ExceptionMatches(PyExc_MemoryError)))
+    return false;
   PyErr_Clear();
   return true;
 }

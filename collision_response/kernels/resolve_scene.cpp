@@ -192,7 +192,7 @@ class SceneAnswer {
                            contact};
     OneImpact impact;
     if (compute_one_impact(request, plan, impact) != ANSWERED) {
-      PyErr_Clear();  // Python raises it again, and names the fields of the scene
+      clear_exception();  // Python raises it again, and names the fields of the scene
       return false;
     }
     const ImpactResult& result = impact.result;
