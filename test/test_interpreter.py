@@ -112,7 +112,8 @@ from collision_response import Body, Contact, resolve_scene
 
 cube = Body.box(1.0, (1.0, 1.0, 1.0), position=(0.0, 0.0, 0.5), velocity=(0.5, 0.0, -1.0))
 corners = [Contact.of((x, y, 0.0), (0.0, 0.0, 1.0), 0.5, 0.3) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
-scene = [cube, Body.static()], [(0, 1)] * 5, [*corners, corners[0]]  # a contact given twice takes the long way
+# A contact that is given twice takes the long way.
+scene = [cube, Body.static()], [(0, 1)] * 5, [*corners, corners[0]]
 resolve_scene(*scene)
 for allocations in range(900):
     error = None
