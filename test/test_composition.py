@@ -223,12 +223,13 @@ def test_nodes_that_come_and_go_leave_nothing_behind(graph, kind):
     assert number_of("fd") <= before[0] and number_of("task") <= before[1]
 
 
-def test_nodes_that_record_leave_no_file_open_and_are_collected(graph, tmp_path):
+def test_nodes_that_record_leave_no_file_open_and_are_collected(graph, tmp_path, monkeypatch):
     """Except the first one, which the garbage collector leaves alone together with rerun."""
     pytest.importorskip("rerun")
+    monkeypatch.setenv("HOME", str(tmp_path))
     overrides = [
         Parameter("recording.enabled", value=True),
-        Parameter("recording.directory", value=str(tmp_path)),
+        Parameter("recording.directory", value="~/recordings"),
     ]
 
     def make():
@@ -245,7 +246,7 @@ def test_nodes_that_record_leave_no_file_open_and_are_collected(graph, tmp_path)
     gc.collect()
     assert [node() for node in nodes] == [None] * 5
     assert number_of("fd") <= before
-    assert len([*tmp_path.glob("*.rrd")]) == 8
+    assert len([*tmp_path.glob("recordings/*.rrd")]) == 8
 
 
 @pytest.mark.parametrize(

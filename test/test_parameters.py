@@ -183,10 +183,10 @@ materials: {rubber: {restitution: 1.0, friction: 1.0}, steel: {restitution: 0.25
 """
 
 
-def test_a_pair_of_materials_overrides_all_but_the_contact(graph, tmp_path):
-    file = tmp_path / "materials.yaml"
-    file.write_text(MATERIALS)
-    graph.serve(materials_file=str(file), combine_restitution="geometric_mean", friction=0.75)
+def test_a_pair_of_materials_overrides_all_but_the_contact(graph, tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / "materials.yaml").write_text(MATERIALS)
+    graph.serve(materials_file="~/materials.yaml", combine_restitution="geometric_mean", friction=0.75)
     request = balls_meet()
     request.contact.restitution = request.contact.friction = -1.0
     request.body_a.material, request.body_b.material = "steel", "glass"

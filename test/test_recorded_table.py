@@ -606,6 +606,12 @@ class TestReport:
         assert capsys.readouterr().out.startswith(f"0 impacts, {len(entries)} refusals\n")
         Page(path.with_suffix(".html").read_text(encoding="utf-8"))
 
+    def test_refusals_do_nothing_to_a_terminal(self, recording, capsys):
+        path = recording([Refusal(1, 1, "INVALID_MASS: \x1b[2J\x00: is 0")])
+        assert main(["report", str(path)]) == 0
+        line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("refused"))
+        assert line == r"refused 1 times: INVALID_MASS \x1b[2J\x00"
+
     def test_one_impact_of_bodies_at_rest_has_no_energy_to_relate_to(self, recording, capsys):
         touch = Contact.of((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.5)
         request = Body.dynamic(1.0), FLOOR, touch, ImpactModel()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import os
 import shutil
 import subprocess
 import sys
@@ -597,6 +598,82 @@ def test_an_entry_that_cannot_be_written_leaves_a_gap(tmp_path, monkeypatch):
     first, last = problems
     assert first.startswith("an entry cannot be written and is left out (logged once):\nTraceback")
     assert last == f"recording {recorder.path} lacks 3 entries, which cannot be written"
+
+
+@pytest.mark.parametrize("stamp", [2.0, float("nan"), None, 2**63, -(2**63)])
+@pytest.mark.parametrize("kind", ["stamp", "sequence", "state"])
+def test_an_entry_without_a_place_in_time_is_left_out(tmp_path, kind, stamp):
+    """The gap in its place had the same stamp, and ended the recording."""
+    odd = BodyRecord(stamp, "a", impact().body_a) if kind == "state" else impact(2)._replace(**{kind: stamp})
+    recorder, problems = closed(tmp_path, [impact(1), odd, impact(3)])
+    verify(recorder.path)
+    assert [row[1] for row in read(recorder.path, "/impact/impulse", "Scalars:scalars")] == [1, 3]
+    assert recorder.missing() == recorder.unwritable == 1
+    assert problems[0].endswith(
+        "is left out (logged once): its stamp or its number is not an integer of 64 bits"
+    )
+
+
+@pytest.mark.parametrize(
+    "odd", [impact(2)._replace(duration=None), impact(2)._replace(duration="x"), "text", 2]
+)
+def test_what_is_no_entry_is_left_out(tmp_path, odd):
+    """A duration of None made a file that nothing could read."""
+    recorder, _ = closed(tmp_path, [impact(1), odd, impact(3)])
+    verify(recorder.path)
+    assert [row[1] for row in read(recorder.path, "/impact/impulse", "Scalars:scalars")] == [1, 3]
+    assert recorder.missing() == recorder.unwritable == 1
+
+
+def test_a_directory_whose_name_is_no_text_is_reported_in_text(tmp_path):
+    """Loggers cannot encode it, and their error ended the recording."""
+    directory = Path(os.fsdecode(os.fsencode(tmp_path) + b"/odd\xff"))
+    texts: list[str] = []
+    recorder = Recorder(directory, texts.append, opened=texts.append)
+    recorder.add(impact(1))
+    recorder.close(DEADLINE)
+    assert texts == [f"recording to {tmp_path}/odd\\udcff/{recorder.path.name}"]
+    verify(recorder.path.rename(tmp_path / "a.rrd"))  # rerun's own commands cannot read such a path
+
+
+def test_an_error_in_a_report_does_not_lose_the_count(tmp_path, monkeypatch):
+    (tmp_path / "file").touch()
+    failed = []
+    monkeypatch.setattr(threading, "excepthook", failed.append)
+
+    def fail(text: str) -> None:
+        raise OSError(text)
+
+    recorder = Recorder(tmp_path / "file", fail)
+    recorder.add(impact(1))
+    recorder.close(DEADLINE)
+    assert recorder.abandoned == 1
+    assert len(failed) == 1
+
+
+FULL_TMPDIR = """
+import os, tempfile
+from pathlib import Path
+from collision_response.recording import Recorder
+from recordings import impact
+
+tempfile.tempdir = "/dev/full"
+texts = []
+recorder = Recorder(Path(os.environ["WHERE"]), texts.append)
+recorder.add(impact(1))
+recorder.close(30.0)
+print(texts)
+"""
+
+
+def test_no_temporary_file_is_needed(tmp_path):
+    """rerun waits for ever if it cannot write one, even after the process should have ended."""
+    environment = os.environ | {"WHERE": str(tmp_path), "TMPDIR": "/dev/full"}
+    path = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})"
+    program = [sys.executable, "-I", "-c", path + FULL_TMPDIR]
+    result = subprocess.run(program, env=environment, capture_output=True, text=True, timeout=DEADLINE)
+    assert (result.stdout, result.returncode) == ("[]\n", 0), result.stderr
+    verify(*tmp_path.glob("*.rrd"))
 
 
 def test_close_accepts_any_timeout(tmp_path):

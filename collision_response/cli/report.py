@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from ..answer import format_name
 from ..recording import scenes
 from ..recording.report import Summary, in_words, page
 from ..recording.table import read
@@ -37,7 +38,7 @@ def main(arguments: list[str]) -> int:
             spare_recordings(path)
     except (OSError, RuntimeError, ValueError) as error:
         return _failed(error)
-    print("\n".join(in_words(summary)))
+    print("\n".join(map(format_name, in_words(summary))))
     try:
         target.write_text(page(summary, [Path(file).name for file in given.files]), encoding="utf-8")
         if given.csv is not None:

@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from .. import Body, Contact, Impact, ImpactModel, SceneImpact
 from ..body_numbers import body_from_numbers, body_to_numbers
 
@@ -107,17 +109,31 @@ class Gap(NamedTuple):
 
 Entry = Record | SceneRecord | BodyRecord | Refusal | Gap
 
+INT64 = np.iinfo(np.int64)
+
+
+def has_place(entry: Any) -> bool:
+    """Whether this is an entry with a place on the timelines: its stamp and number are integers of 64 bits.
+
+    The least of these is no time to rerun.
+    """
+    if not isinstance(entry, Entry):
+        return False
+    places = [entry.stamp] if isinstance(entry, BodyRecord) else [entry.stamp, entry.sequence]
+    return all(isinstance(place, (int, np.integer)) and INT64.min < place <= INT64.max for place in places)
+
 
 def with_floats(entry: Entry) -> Entry:
     """Return an entry whose bodies and answer hold floats, whatever numbers they were given as."""
     match entry:
         case BodyRecord(body=body):
             return entry._replace(body=_body_with_floats(body))
-        case Record(body_a=body_a, body_b=body_b, impact=impact):
+        case Record(body_a=body_a, body_b=body_b, impact=impact, duration=duration):
             return entry._replace(
                 body_a=_body_with_floats(body_a),
                 body_b=_body_with_floats(body_b),
                 impact=_answer_with_floats(impact),
+                duration=float(duration),
             )
         case SceneRecord(bodies=bodies, impact=impact):
             return entry._replace(

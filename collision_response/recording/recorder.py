@@ -15,7 +15,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .record import BodyRecord, Entry, Gap, UnwritableEntries
+from .record import BodyRecord, Entry, Gap, UnwritableEntries, has_place
 
 if TYPE_CHECKING:
     from .writer import Writer
@@ -53,6 +53,11 @@ def check_name(name: str) -> None:
         raise ValueError(f"must end in .rrd; is {name!r}")
 
 
+def _printable(text: str) -> str:
+    """Return a text that loggers can encode: a path may hold bytes that are no characters."""
+    return text.encode(errors="backslashreplace").decode()
+
+
 class Recorder:
     """Writes impacts to new files. Each entry costs the caller one :meth:`put` to a queue.
 
@@ -64,6 +69,9 @@ class Recorder:
     chunk may be cut off. rerun can recover the rest::
 
         rerun rrd merge --continue-on-error torn.rrd -o recovered.rrd
+
+    Entries that wait when the process ends without :meth:`close` are lost, and so are those added after it. A
+    process forked from one with a recorder must not make one.
 
     The worker imports rerun, because that takes a second. If rerun is missing or a file cannot be written,
     the recorder reports that once, and only counts all further entries. Single entries that cannot be written
@@ -111,7 +119,7 @@ class Recorder:
         self.dropped = self.unwritable = self.abandoned = self.untimed = 0
         self._first = self.path
         self._number = 0
-        self._report = report
+        self._tell_problem = report
         self._opened = opened
         self._max_size = max_size * 1e6
         self._max_duration = max_duration
@@ -126,7 +134,7 @@ class Recorder:
         self._worker.start()
 
     def add(self, entry: Entry) -> None:
-        """Record an entry. Returns at once."""
+        """Record an entry. Returns at once. Entries after :meth:`close` are ignored."""
         if self._stopped.is_set():
             self.abandoned += not self._closing.is_set()
             return
@@ -162,6 +170,9 @@ class Recorder:
             if count:
                 self._report(f"recording {self._first} lacks {count} {which}")
 
+    def _report(self, problem: str) -> None:
+        self._tell_problem(_printable(problem))
+
     def _work(self) -> None:
         problem = "not recording to {}: {}"
         try:
@@ -174,16 +185,16 @@ class Recorder:
             remaining: list[Entry] | None = []
             while remaining is not None:
                 with Writer(self.path, recording) as writer:
-                    self._opened(f"recording to {self.path}")
+                    self._opened(_printable(f"recording to {self.path}"))
                     problem = "recording {} has stopped: {}"
                     remaining = self._fill(writer, remaining, batches)
                 if remaining is not None:
                     self.path = self._next_path()
         except Exception as error:  # of rerun or the disk; it must not reach the caller
-            self._report(problem.format(self.path, str(error) or type(error).__name__))
             queued = [self._queue.get() for _ in range(self._queue.qsize())]
             lost = [*self._unwritten, *self._held_back, *queued]
             self.abandoned += sum(not isinstance(entry, Gap | None) for entry in lost)
+            self._report(problem.format(self.path, str(error) or type(error).__name__))
         finally:
             self._stopped.set()
 
@@ -237,7 +248,7 @@ class Recorder:
             states = self._held_back
             waiting = self._wait(STATES_INTERVAL if states else None)
             last = None in waiting
-            entries = [entry for entry in waiting if entry is not None and self._has_timeline(entry)]
+            entries = [entry for entry in waiting if entry is not None and self._is_on_timeline(entry)]
             sequence = max((e.sequence for e in entries if not isinstance(e, BodyRecord)), default=sequence)
             dropped = self.dropped
             if dropped > recorded_drops:
@@ -269,8 +280,14 @@ class Recorder:
             waiting.append(self._queue.get())
         return waiting
 
-    def _has_timeline(self, entry: Entry) -> bool:
-        """Whether there is a timeline for an entry; if not, it is counted."""
+    def _is_on_timeline(self, entry: Entry) -> bool:
+        """Whether an entry has a place on a timeline; if not, it is counted."""
+        if not has_place(entry):
+            if not self.unwritable:
+                what = "its stamp or its number is not an integer of 64 bits"
+                self._report(f"an entry cannot be written and is left out (logged once): {what}")
+            self.unwritable += 1
+            return False
         if entry.stamp or not isinstance(entry, BodyRecord):
             return True
         if not self.untimed:

@@ -16,7 +16,7 @@ try:
     from pyarrow import compute
     from rerun.chunk import Chunk, RrdReader
     from rerun.error_utils import RerunWarning
-except ModuleNotFoundError:
+except ImportError:  # not there, or of another version
     raise missing("rerun 0.39 to 0.41", "'rerun-sdk>=0.39,<0.42'") from None
 
 __all__ = ["Chunk", "RerunWarning", "RrdReader", "compute", "pa", "rr", "rrb"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-import tempfile
+import os
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
@@ -79,17 +79,16 @@ class Recording:
     """What all files of one recording share, so that the viewer shows them together.
 
     Every stream and every blueprint leaves two threads and 1 MB of memory behind (rerun 0.41). So there is
-    one stream for all files, and the blueprint is written once, to a temporary file,
-    whose contents, ``layout``, are copied to each file.
+    one stream for all files, and the blueprint is written once, to a file in memory, whose contents,
+    ``layout``, are copied to each file. On a full disk rerun would wait for ever, as in :class:`PipedFile`.
     """
 
     def __init__(self) -> None:
         self.stream = rr.RecordingStream("collision_response", recording_id=uuid4())
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder, LAYOUT_FILE)
-            self.stream.save(path, default_blueprint=blueprint())
+        with open(os.memfd_create(LAYOUT_FILE), "rb") as file:
+            self.stream.save(f"/dev/fd/{file.fileno()}", default_blueprint=blueprint())
             self.stream.disconnect()
-            self.layout = path.read_bytes()
+            self.layout = file.read()
 
 
 class Writer:

@@ -127,7 +127,7 @@ class CollisionResponseNode(DeclaringNode):
             limit_memory(value("memory_limit"))
         if value("recording.enabled"):  # before the services: most starts that fail leave no file
             self._recorder = answer_log.recorder = Recorder(
-                Path(value("recording.directory")),
+                Path(os.path.expanduser(value("recording.directory"))),
                 self.get_logger().warning,
                 opened=self.get_logger().info,
                 name=value("recording.file"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -189,7 +190,7 @@ class Parameters:
 
 def materials_in(file: str) -> Materials:
     """Read a file of materials; without a name, return no materials. Raises as :meth:`Materials.read`."""
-    return Materials.read(Path(file)) if file else NO_MATERIALS
+    return Materials.read(Path(os.path.expanduser(file))) if file else NO_MATERIALS
 
 
 class LatestParameters:
