@@ -8,7 +8,7 @@ struct ConditionAxes {
   std::array<Axes, 3> in_own{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};  // each of them, along the own axes of the contact
   bool is_turned = false;  // whether these differ
   bool on_face = false;  // whether the contact is on one face with another
-  Axes above{};  // where the contact is, in space, from the plane through the middle of its face
+  Axes above{};  // where it is, in space, from the plane of its face, if it is slightly off this; else 0
 };
 
 // Of each contact, its own axes.
@@ -18,10 +18,10 @@ std::vector<ConditionAxes> own_axes(const Assembly& assembly);
 std::vector<ConditionAxes> face_axes(const Assembly& assembly);
 
 // The impulses, in doubles, after which no contact is slower than its rebound, none that is loaded is faster, and friction
-// opposes the slip. `rebounds`: velocities along the own axes of each contact; they may
-// have tangential parts, relative to which it then sticks or slips. None are found if Newton's method does not
-// lead there within `budget` multiplications. The error is an estimate, and infinite if other shares of the load obey these
-// conditions with other velocities, or if impulses creep. `on_faces`: whether each contact that carries a load is on one
-// face with another. Then impulses may creep, because they only shift between these.
+// opposes the slip. `rebounds`: velocities along the own axes of each contact; they may have tangential parts, relative to
+// which it sticks or slips. None are found if Newton's method does not lead there within `budget` multiplications. The
+// error is an estimate, and infinite if other shares of the load obey these conditions with other velocities, or if
+// impulses creep. `on_faces`: whether each contact that carries a load is on one face with another. Then impulses may creep,
+// because they only shift between these.
 ClusterImpulses obey_coulomb(const Assembly& assembly, const std::vector<ConditionAxes>& axes,
                              const std::vector<Axes>& rebounds, double budget, bool on_faces);
