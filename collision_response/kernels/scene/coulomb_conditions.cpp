@@ -389,7 +389,7 @@ Axes along_own_axes(const Axes& P, const ConditionAxes& given, double mu) {
 struct Solution {
   std::vector<Axes> P;  // along the own axes of the contacts
   double error = 0;  // of the motion
-  double turned = 0;  // by how much velocities along the axes of the conditions and along the own ones differ
+  double turned = 0;  // by how much velocities along the normals of the conditions and along the own ones differ
 };
 
 // What the conditions along given axes lead to.
@@ -407,9 +407,10 @@ Solution turned_back(const Assembly& assembly, const std::vector<ConditionAxes>&
     solution.P[i] = along_own_axes(P, axes[i], own.mu);
     own.add_effect(solution.P[i], off);
     given.add_effect({-P[0], -P[1], -P[2]}, off);
-    const Axes u = own.velocity(found.y.data()), v = given.velocity(found.y.data());
-    for (int a = 0; a < 3; ++a)
-      solution.turned = std::fmax(solution.turned, std::fabs(own.w[a] + u[a] - given.w[a] - v[a]));
+    // The normal parts of the velocity, as vectors. The tangents may point anywhere.
+    const double u = own.w[0] + own.velocity(found.y.data())[0], v = given.w[0] + given.velocity(found.y.data())[0];
+    for (int b = 0; b < 3; ++b)
+      solution.turned = std::fmax(solution.turned, std::fabs(v * axes[i].in_own[0][b] - (b == 0 ? u : 0)));
   }
   solution.error = motion_error(found, solution.turned, on_faces) + length_of(off);
   return solution;
