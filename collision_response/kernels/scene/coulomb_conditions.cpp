@@ -197,19 +197,22 @@ class Conditions {
     matrix.set_to_unit();
     for (size_t i = 0; i < cones.size(); ++i) {
       const Cone<double>& cone = cones[i];
+      if (!(slopes[i][0][0] > 0)) continue;  // no impulse at this contact
+      std::array<std::array<double, 6>, 3> part[2];
+      for (int t = 0; t < 2; ++t)
+        for (int a = 0; a < 3; ++a)
+          for (int l = 0; l < 6; ++l) {
+            part[t][a][l] = 0;
+            for (int b = 0; b < 3; ++b) part[t][a][l] += rho * cone.share * slopes[i][a][b] * cone.row[t][b][l];
+          }
       for (int s = 0; s < 2; ++s)
         for (int t = 0; t < 2; ++t) {
           if (cone.body[s] < 0 || cone.body[t] < 0) continue;
-          for (int l = 0; l < 6; ++l) {
-            Axes part{};
-            for (int a = 0; a < 3; ++a)
-              for (int b = 0; b < 3; ++b) part[a] += rho * cone.share * slopes[i][a][b] * cone.row[t][b][l];
-            for (int k = 0; k < 6; ++k) {
-              double sum = 0;
-              for (int a = 0; a < 3; ++a) sum += cone.row[s][a][k] * part[a];
-              matrix.at(6 * cone.body[s] + k, 6 * cone.body[t] + l) += sum;
-            }
-          }
+          matrix.add_block(6 * cone.body[s], 6 * cone.body[t], [&](int k, int l) {
+            double sum = 0;
+            for (int a = 0; a < 3; ++a) sum += cone.row[s][a][k] * part[t][a][l];
+            return sum;
+          });
         }
     }
     step = residual;

@@ -104,7 +104,24 @@ class UnsymmetricSkyline {
     upper.assign(rows.start.back(), 0);
     for (int i = 0; i < rows.size(); ++i) lower[rows.start[i + 1] - 1] = 1;
   }
-  double& at(int i, int j) { return (rows.is_below(i, j) ? lower : upper)[rows.index(i, j)]; }
+  // Add entry(k, l) to those from row i and column j on, for six variables of a body each, which are next to each other.
+  template <class Entry>
+  void add_block(int i, int j, const Entry& entry) {
+    if (i != j && rows.is_below(i, j)) {
+      for (int k = 0; k < 6; ++k) {
+        double* to = &at(i + k, j);
+        for (int l = 0; l < 6; ++l) to[l] += entry(k, l);
+      }
+    } else if (i != j) {
+      for (int l = 0; l < 6; ++l) {
+        double* to = &at(i, j + l);
+        for (int k = 0; k < 6; ++k) to[k] += entry(k, l);
+      }
+    } else {
+      for (int k = 0; k < 6; ++k)
+        for (int l = 0; l < 6; ++l) at(i + k, j + l) += entry(k, l);
+    }
+  }
   double multiplications() const { return work; }
 
   // x = M^-1 x. The entries become the factors. Whether there are any.
@@ -134,6 +151,8 @@ class UnsymmetricSkyline {
   }
 
  private:
+  double& at(int i, int j) { return (rows.is_below(i, j) ? lower : upper)[rows.index(i, j)]; }
+
   SkylineRows rows;
   Vector lower, upper;  // upper: by columns, without its diagonal
   double work = 0;
