@@ -220,15 +220,19 @@ class Recorder:
         try:
             writer.write(batch)
         except UnwritableEntries as error:
-            if not self.unwritable:
-                fault = "".join(traceback.format_exception(error.__cause__))
-                self._report(f"an entry cannot be written and is left out (logged once):\n{fault}")
-            self.unwritable += len(error.entries)
+            fault = "".join(traceback.format_exception(error.__cause__))
+            self._leave_out(len(error.entries), f"\n{fault}")
             unwritable = {id(entry) for entry in error.entries}
             why = f"this cannot be written: {error.__cause__!r}"
             self._unwritten = rest = [entry for entry in batch if id(entry) not in unwritable]
             gaps = [Gap(e.stamp, e.sequence, 1, why) for e in error.entries if not isinstance(e, BodyRecord)]
             writer.write([*rest, *gaps])
+
+    def _leave_out(self, count: int, why: str) -> None:
+        """Count entries that cannot be written, and report why for the first."""
+        if not self.unwritable:
+            self._report(f"an entry cannot be written and is left out (logged once):{why}")
+        self.unwritable += count
 
     def _next_path(self) -> Path:
         """Path with the next number that does not exist yet."""
@@ -283,10 +287,7 @@ class Recorder:
     def _is_on_timeline(self, entry: Entry) -> bool:
         """Whether an entry has a place on a timeline; if not, it is counted."""
         if not has_place(entry):
-            if not self.unwritable:
-                what = "its stamp or its number is not an integer of 64 bits"
-                self._report(f"an entry cannot be written and is left out (logged once): {what}")
-            self.unwritable += 1
+            self._leave_out(1, " its stamp or its number is not an integer of 64 bits")
             return False
         if entry.stamp or not isinstance(entry, BodyRecord):
             return True
