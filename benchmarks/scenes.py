@@ -164,8 +164,11 @@ def ours(law: Law) -> Callable[[Scene], Way]:
         def call() -> Any:
             return resolve_scene(*scene[:3], ImpactModel(law))
 
-        movable = [i for i, body in enumerate(scene.bodies) if body.is_movable()]
-        return Way(lambda: [tuple(call().twists[i]) for i in movable], timed(call))
+        def answer() -> list[Any]:
+            twists = call().twists
+            return [tuple(twists[i]) for i, body in enumerate(scene.bodies) if body.is_movable()]
+
+        return Way(answer, timed(call))
 
     return way
 

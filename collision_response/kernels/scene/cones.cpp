@@ -259,10 +259,10 @@ void Cones<R>::take_adaptive_steps() {
 template <class R>
 void Cones<R>::refine() {
   double least = motion_error();
-  for (double size = GREATEST_RHO; size >= LEAST_RHO; size /= 100)
+  for (double size = greatest_rho; size >= LEAST_RHO; size /= 100)
     for (bool gains = true; gains && least > enough / 10;) {
       const State before = state();
-      lagrangian_step(size, P, false, 60);
+      if (!lagrangian_step(size, P, false, 60)) greatest_rho = std::fmax(size / 100, LEAST_RHO);
       polish();
       double now = motion_error();
       gains = now < least / 3;

@@ -102,6 +102,7 @@ class Cones {
   std::vector<Axes> z;  // w + B eta
   Vector multipliers;  // lambda_0
   double rho = 1;  // of the current step
+  double greatest_rho = GREATEST_RHO;  // of refine(): less where Newton's method did not converge for it
   std::vector<Axes> from;  // Q
   Vector gradient, step, effect;  // of x
   std::vector<Slope> slopes;  // of the projections on the cones

@@ -83,6 +83,9 @@ Vector sticking_multipliers(const Assembly& assembly, const std::vector<int>& lo
 // normals of a box, up to 1e-4, let its fourth corner part as slowly as that, and pull as little.
 constexpr double LEAST_CHANGE = 1e-3, LEAST_PULL = 1e-4;
 
+// The greatest errors with which answers can tell that: far above most, so that rounding hardly decides.
+constexpr double COARSEST = 1e-5;
+
 // The programme of least work for the contacts that are loaded. Its velocities are in units of `speed`.
 struct LeastWork {
   const Assembly& assembly;
@@ -115,11 +118,16 @@ struct LeastWork {
     result.error += left_out;
     if (std::none_of(loaded.begin(), loaded.end(), [&](int i) { return contacts[i].mu > LEAST_FRICTION; }))
       return result;
-    Solution found = least_work();
-    const bool presses = presses_others(found);
-    if (presses || found.pull > LEAST_PULL * speed)
-      if (std::optional<Solution> obedient = by_coulombs_conditions(presses)) found = *std::move(obedient);
-    auto& [P, after, error, unused] = found;
+    Cones<double> programme = as_cones();
+    double distance = solve_in_doubles(programme);
+    const bool is_rough = distance > COARSEST;
+    if (is_rough) distance = solve_precisely(programme, distance);
+    std::optional<Solution> found = by_coulombs_conditions(programme);
+    if (!found) {
+      if (!is_rough) distance = solve_precisely(programme, distance);
+      found = solution_of(programme, distance);
+    }
+    auto& [P, after, error] = *found;
     result.error += error;
     if (creates_energy(after, P)) {
       result.error += distance_from_before(after);
@@ -169,19 +177,15 @@ struct LeastWork {
     std::vector<Axes> P;
     Motion after;
     double error;
-    double pull;  // see pull()
   };
-  // The impulses of least work of the contacts that are loaded.
-  Solution least_work() const {
-    Cones<double> programme = as_cones();
-    const double error = solve(programme) * speed;
-    Solution found{std::vector<Axes>(assembly.count), Motion(assembly), error, 0};
+  // The impulses of a programme, of which the error is `distance`.
+  Solution solution_of(const Cones<double>& programme, double distance) const {
+    Solution found{std::vector<Axes>(assembly.count), Motion(assembly), distance * speed};
     for (size_t k = 0; k < loaded.size(); ++k) {
       const int i = loaded[k];
       found.P[i] = in_newton_seconds(programme.P[k], assembly.contacts[i], speed);
       found.after.apply(i, found.P[i]);
     }
-    found.pull = pull(programme) * speed;
     return found;
   }
 
@@ -227,8 +231,9 @@ struct LeastWork {
     return std::sqrt(dot(off, off));
   }
 
-  // Whether friction presses contacts that are not loaded without it.
-  bool presses_others(const Solution& found) const {
+  // Whether the friction of a programme presses contacts that are not loaded without it.
+  bool presses_others(const Cones<double>& programme) const {
+    const Solution found = solution_of(programme, 0);
     for (int i = 0; i < assembly.count; ++i)
       if (!(shared.part[i] > 0) && -found.after.velocity(i, 0) * assembly.contacts[i].unit() > LEAST_CHANGE * speed)
         return true;
@@ -254,11 +259,12 @@ struct LeastWork {
     return sum;
   }
 
-  // The impulses that obey Coulomb's conditions, if these are the only ones, and friction presses contacts or lets some
-  // part.
-  std::optional<Solution> by_coulombs_conditions(bool presses) const {
+  // The impulses that obey Coulomb's conditions, if these are the only ones, and the friction of least work presses
+  // contacts or lets some part.
+  std::optional<Solution> by_coulombs_conditions(const Cones<double>& programme) const {
     constexpr double BUDGET = 1e8;  // multiplications: a tenth of a second
-    constexpr double COARSEST = 1e-5;  // error bound: far above most, so that rounding hardly decides
+    const bool presses = presses_others(programme);
+    if (!presses && !(pull(programme) > LEAST_PULL)) return {};
     const std::vector<ConditionAxes> axes = face_axes(assembly);
     std::vector<Axes> rebounds(assembly.count);  // of plastic impacts exactly 0, which rounding would hide
     for (int i : loaded)
@@ -266,7 +272,7 @@ struct LeastWork {
     const bool on_faces = std::all_of(loaded.begin(), loaded.end(), [&](int i) { return axes[i].on_face; });
     const ClusterImpulses impulses = obey_coulomb(assembly, axes, rebounds, BUDGET, on_faces);
     if (!impulses.are_found) return {};
-    Solution found{{}, Motion(assembly), impulses.error, 0};
+    Solution found{{}, Motion(assembly), impulses.error};
     for (int i = 0; i < assembly.count; ++i) {
       const double normal = impulses.normal[i].h * assembly.contacts[i].length;
       found.P.push_back({normal, impulses.tangential[2 * i], impulses.tangential[2 * i + 1]});
@@ -288,23 +294,31 @@ struct LeastWork {
     of_rest.loaded.clear();
     for (int i : loaded)
       if (solution.P[i][0] > 0) of_rest.loaded.push_back(i);
-    const Solution found = of_rest.least_work();
+    Cones<double> programme = of_rest.as_cones();
+    const double distance = of_rest.solve_precisely(programme, of_rest.solve_in_doubles(programme));
+    const Solution found = of_rest.solution_of(programme, distance);
     Motion off = found.after;
     increase(off.y, -1, solution.after.y);
     return norm_of(off.y) <= solution.error ? found : solution;
   }
 
-  // Solve the programme in doubles, and in double-double if they are not enough. Returns a bound on the error of y.
-  double solve(Cones<double>& programme) const {
+  // The error of y that is small enough.
+  double enough(const Cones<double>& programme) const {
     // Motion that is far faster than `speed` may be stopped again, and then counts for nothing.
-    auto enough = [&] {
-      return std::fmin(error_for_bound(assembly, programme.motion(), 0.8 * tolerance), 5 * tolerance);
-    };
+    return std::fmin(error_for_bound(assembly, programme.motion(), 0.8 * tolerance), 5 * tolerance);
+  }
+
+  // Returns a bound on the error of y.
+  double solve_in_doubles(Cones<double>& programme) const {
     programme.solve_from_zero();
-    programme.enough = enough();
-    const double error_in_doubles = programme.go_on();
+    programme.enough = enough(programme);
+    return programme.go_on();
+  }
+
+  // Solve the programme again in double-double, unless doubles are enough. Returns a bound on the error of y.
+  double solve_precisely(Cones<double>& programme, double error_in_doubles) const {
     Cones<DD> precise(assembly.body_count);
-    precise.enough = enough();
+    precise.enough = enough(programme);
     if (error_in_doubles <= precise.enough) return error_in_doubles;
     const std::vector<N> changes = assembly.twist_changes(frictionless.normal.data());
     for (size_t k = 0; k < loaded.size(); ++k) {
