@@ -66,6 +66,7 @@ enum class MinimumStatus { FOUND, UNBOUNDED, TOO_LONG };
 // to 0.
 template <class R, class Move, class At>
 MinimumStatus enter(ActiveSet<R>& active, int i, R slope, Move move, At at) {
+  constexpr int MOST_TURNS = 10000;
   auto positive = [](const R& x) { return high(x) > 0 ? x : R{}; };
   std::vector<R> w;
   for (int turn = 0;; ++turn) {
@@ -84,7 +85,7 @@ MinimumStatus enter(ActiveSet<R>& active, int i, R slope, Move move, At at) {
     slope = slope + step * curvature;
     if (leaves < 0) return active.append(i) ? MinimumStatus::FOUND : MinimumStatus::TOO_LONG;
     active.drop(leaves);
-    if (turn > 10000) return MinimumStatus::TOO_LONG;
+    if (turn > MOST_TURNS) return MinimumStatus::TOO_LONG;
   }
 }
 

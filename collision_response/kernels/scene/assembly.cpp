@@ -187,7 +187,7 @@ bool Assembly::find_separating_velocity() {
     square += d[i].h * (high(rho) + width(rho));
     separates = separates && separation[i] > 0.5;
   }
-  separating_size = std::sqrt(square) * (1 + 1e-9);
+  separating_size = std::sqrt(square) * ROUND_UP;
   return separates;
 }
 

@@ -77,7 +77,7 @@ struct Assembly {
   double velocity_size(const DD* p) const {
     double sum = 0;
     for (int i = 0; i < count; ++i) sum += std::fabs(p[i].h) / contacts[i].scale;
-    return sum * (1 + 1e-9);
+    return sum * ROUND_UP;
   }
 
   std::vector<int> all_contacts() const {

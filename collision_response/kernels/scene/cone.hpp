@@ -5,6 +5,7 @@
 template <class R>
 struct Cone {
   static constexpr double GIVE = 1e-14;  // of a contact that takes nearly its full part
+  static constexpr int WORK = 90;  // multiplications of velocity(), project() and add_effect()
   using Slope = std::array<std::array<R, 3>, 3>;
 
   int body[2];  // -1: immovable
@@ -25,7 +26,10 @@ struct Cone {
     return square;
   }
   // Whether it touches a body that has less than a thousandth part.
-  bool has_heavy_body() const { return (body[0] >= 0 && own_part(0) < 1e-3) || (body[1] >= 0 && own_part(1) < 1e-3); }
+  bool has_heavy_body() const {
+    constexpr double HEAVY = 1e-3;
+    return (body[0] >= 0 && own_part(0) < HEAVY) || (body[1] >= 0 && own_part(1) < HEAVY);
+  }
 
   // B y: the velocity by a motion of the bodies.
   std::array<R, 3> velocity(const R* y) const {

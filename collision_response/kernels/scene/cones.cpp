@@ -73,9 +73,9 @@ double Cones<R>::solve_from(const Cones<S>& coarse) {
 
 template <class R>
 void Cones<R>::solve_from(double size, const std::vector<Axes>& from) {
-  if (lagrangian_step(size, from, true, 12)) return;
+  if (lagrangian_step(size, from, true, FEW_TURNS)) return;
   double reached = 1, factor = GREATEST_FACTOR;
-  lagrangian_step(reached, from, true, 60);
+  lagrangian_step(reached, from, true, TURNS);
   for (int turn = 0; turn < MAX_STEPS && reached < size && factor > LEAST_FACTOR && multiplications() < BUDGET;
        ++turn) {
     const State before = state();
@@ -104,7 +104,7 @@ double Cones<R>::go_on() {
   for (; round < ROUNDS && goes_on(round); ++round) {
     for (size_t i = 0; i < multipliers.size(); ++i)
       if (!cones[i].is_partial() || round < PARTIAL_ROUNDS) multipliers[i] = x[6 * body_count + i];
-    lagrangian_step(FIRST_RHO, P, false, 60);
+    lagrangian_step(FIRST_RHO, P, false, TURNS);
     bounds = finish_round();
     error += std::sqrt(2) * bounds.of_round;  // lambda_0 has the error of the round before
   }
@@ -131,6 +131,10 @@ void Cones<R>::restore(const State& before) {
 // Whether Newton's method converged.
 template <class R>
 bool Cones<R>::lagrangian_step(double size, std::vector<Axes> Q, bool from_start, int budget) {
+  // Of the gradient: of 1, and of rho times a velocity. Double-double computes it to so many more digits.
+  constexpr double ROUNDING_OF_ONE = 1e-14, ROUNDING_OF_RHO = 2e-16, MORE_DIGITS = is_scalar<R> ? 1 : 0x1p-44;
+  constexpr double NEAR = 1e4, CONVERGED = 1e6;  // gradients relative to this rounding
+  constexpr double LESS = 1e-4;  // part of the slope by which a step must reduce the value
   rho = size;
   from = std::move(Q);
   Vector trial, best;
@@ -145,15 +149,16 @@ bool Cones<R>::lagrangian_step(double size, std::vector<Axes> Q, bool from_start
     x = trial;
     value = evaluate(x, false);
   }
-  double off = greatest_component(gradient),
-         small = (1e-14 + 2e-16 * rho) * (is_scalar<R> ? 1 : 0x1p-44 * std::fmax(1, fastest_slip));
+  double off = greatest_component(gradient);
+  double small = (ROUNDING_OF_ONE + ROUNDING_OF_RHO * rho) * MORE_DIGITS;
+  if (!is_scalar<R>) small *= std::fmax(1, fastest_slip);
   double least = INFINITY;
   int tries = 0, stalls = 0;
   for (int turn = 0; turn < budget && off > small; ++turn) {
     newton();
     const R slope = dot(gradient, step);
     const double old = off;
-    const bool is_near = off < 1e4 * small;  // rounding may hide what the value gains
+    const bool is_near = off < NEAR * small;  // rounding may hide what the value gains
     if (off < least) {
       least = off;
       best = x;
@@ -165,7 +170,7 @@ bool Cones<R>::lagrangian_step(double size, std::vector<Axes> Q, bool from_start
       increase(trial, length, step);
       now = evaluate(trial, false);
       off = greatest_component(gradient);
-      if (off <= old / 2 || less_equal(now, value + 1e-4 * length * slope) || is_near || length < SHORTEST) break;
+      if (off <= old / 2 || less_equal(now, value + LESS * length * slope) || is_near || length < SHORTEST) break;
     }
     if (length < SHORTEST) ++stalls;
     if (off == INFINITY || stalls > MOST_STALLS) {
@@ -180,7 +185,7 @@ bool Cones<R>::lagrangian_step(double size, std::vector<Axes> Q, bool from_start
     x = trial;
     value = now;
   }
-  return off <= 1e6 * small;
+  return off <= CONVERGED * small;
 }
 
 // A last Newton step, which changes P instead of computing it anew, with the rounding of rho (w + B eta).
@@ -203,15 +208,17 @@ void Cones<R>::polish() {
 // would keep them, too. Returns a bound on the error of y; if it is more than enough, nothing has changed.
 template <class R>
 double Cones<R>::keep_velocities() {
+  constexpr double HARDER = 100;  // factor of rho, from step to step
+  constexpr double GAIN = 10, GAIN_OF_FEW_TURNS = 2;  // factors by which a step reduces the error, or is the last
   if (kept_velocities.empty()) return INFINITY;
   const State before = state();
-  double error = INFINITY, last = INFINITY, size = 100 * FIRST_RHO;
+  double error = INFINITY, last = INFINITY, size = HARDER * FIRST_RHO;
   bool converges = true;
-  auto gains = [&] { return error < last / (converges ? 10 : 2) && multiplications() < BUDGET; };
+  auto gains = [&] { return error < last / (converges ? GAIN : GAIN_OF_FEW_TURNS) && multiplications() < BUDGET; };
   for (int round = 0; round < 2 || (error > enough && gains()); ++round) {
     multipliers.assign(x.begin() + 6 * body_count, x.end());
-    converges = lagrangian_step(size, P, false, 10);
-    if (converges) size = std::fmin(100 * size, KEEPING_RHO);
+    converges = lagrangian_step(size, P, false, FEW_TURNS_FROM_NEAR);
+    if (converges) size = std::fmin(HARDER * size, KEEPING_RHO);
     if (round == 0 && converges) continue;
     polish();
     last = error;
@@ -235,17 +242,19 @@ typename Cones<R>::Bounds Cones<R>::finish_round() {
 // a load do nearly the same work.
 template <class R>
 void Cones<R>::take_adaptive_steps() {
+  constexpr double HARDER = 30, SOFTER = 10;  // factors of rho after a step that converged, and one that did not
+  constexpr double NEARLY_ENOUGH = 0.25;  // part of an error that is enough
   State best = state();
   double least = motion_error(), size = FIRST_RHO;
-  for (int turn = 0; turn < MAX_STEPS && least > enough / 10 && multiplications() < BUDGET; ++turn) {
+  for (int turn = 0; turn < MAX_STEPS && least > SURELY_ENOUGH * enough && multiplications() < BUDGET; ++turn) {
     const State before = state();
-    if (!lagrangian_step(size, P, false, 30)) {
+    if (!lagrangian_step(size, P, false, TURNS / 2)) {
       restore(before);
-      if (least <= enough / 4) break;  // a step that fails takes as long as twenty others
-      size /= 10;
+      if (least <= NEARLY_ENOUGH * enough) break;  // a step that fails takes as long as twenty others
+      size /= SOFTER;
       continue;
     }
-    size = std::fmin(30 * size, GREATEST_RHO);
+    size = std::fmin(HARDER * size, GREATEST_RHO);
     polish();
     if (const double now = motion_error(); now < least) {
       least = now;
@@ -258,14 +267,15 @@ void Cones<R>::take_adaptive_steps() {
 // Further steps from the current P, until they reduce the error no more. They do not keep the sum of squares least.
 template <class R>
 void Cones<R>::refine() {
+  constexpr double SOFTER = 100, GAIN = 3;  // factors: of rho, and by which a step reduces the error, or is the last
   double least = motion_error();
-  for (double size = greatest_rho; size >= LEAST_RHO; size /= 100)
-    for (bool gains = true; gains && least > enough / 10;) {
+  for (double size = greatest_rho; size >= LEAST_RHO; size /= SOFTER)
+    for (bool gains = true; gains && least > SURELY_ENOUGH * enough;) {
       const State before = state();
-      if (!lagrangian_step(size, P, false, 60)) greatest_rho = std::fmax(size / 100, LEAST_RHO);
+      if (!lagrangian_step(size, P, false, TURNS)) greatest_rho = std::fmax(size / SOFTER, LEAST_RHO);
       polish();
       double now = motion_error();
-      gains = now < least / 3;
+      gains = now < least / GAIN;
       if (now < least) least = now;
       else restore(before);
     }
@@ -318,7 +328,8 @@ typename Cones<R>::Bounds Cones<R>::motion_bounds(double rounding) const {
 // sigma of a contact. One of great friction that slides because its load is light presses the harder to move apart.
 template <class R>
 double Cones<R>::stiffness(const Cone<R>& cone) const {
-  const double light = std::fmax(std::fmin(cone.mu, 1 / cone.load) / 10, 1);
+  constexpr double LIGHT = 10;  // as many times less than the greatest load, and as great a coefficient
+  const double light = std::fmax(std::fmin(cone.mu, 1 / cone.load) / LIGHT, 1);
   const double sigma = is_firm() ? FIRM_SIGMA : SIGMA;
   return cone.part * cone.part * cone.part * sigma * std::fmax(1, fastest_slip / effect_of_loads) * (light * light);
 }
@@ -331,7 +342,7 @@ R Cones<R>::evaluate(const Vector& at, bool holding) {
   Vector& y = effect;
   y.assign(at.begin(), at.begin() + 6 * body_count);
   for (size_t i = 0; i < kept_velocities.size(); ++i) cones[i].add_effect(Axes{lambda[i], R{}, R{}}, y);
-  work += static_cast<double>(90 * cones.size());
+  work += static_cast<double>(Cone<R>::WORK * cones.size());
   R value{};
   for (const R& v : y) value += v * v / 2;
   for (size_t i = 0; i < kept_velocities.size(); ++i) {

@@ -34,11 +34,14 @@ class Cones {
   static constexpr double KEEPING_RHO = is_scalar<R> ? 1e8 : 1e16;  // the greatest where velocities matter most
   static constexpr double SIGMA = 1e6;  // of contacts that fully take part
   static constexpr double FIRM_SIGMA = is_scalar<R> ? SIGMA : 1e20;  // beside heavy bodies
+  static constexpr double SURELY_ENOUGH = 0.1;  // part of an error that is enough, at which no steps follow
   static constexpr int ROUNDS = 6;  // at most
   static constexpr int PARTIAL_ROUNDS = 3;  // for contacts that take less than their full part
   static constexpr double KEPT = 1e-12;  // relative error of N y: no further rounds are needed
   static constexpr double GREATEST_FACTOR = 100, LEAST_FACTOR = 1.2;  // by which rho is raised at once
   static constexpr int MAX_STEPS = 60;
+  // Newton steps for one rho; where it is not known whether they converge; and from a solution for a similar rho.
+  static constexpr int TURNS = 60, FEW_TURNS = 12, FEW_TURNS_FROM_NEAR = 10;
   // Newton steps for a greater rho. If they are too few, they are lost; double-double has a budget for all.
   static constexpr int MOST_TURNS = is_scalar<R> ? 200 : 60;
   static constexpr int TRIES = 3;  // of Newton steps that do not reduce the gradient, near the minimum
@@ -50,7 +53,7 @@ class Cones {
 
   std::vector<Cone<R>> cones;
   Vector kept_velocities;  // c, for each cone; or empty
-  double enough = 5e-7;  // error of y: no further rounds are needed, nor steps at a tenth of it
+  double enough = 5e-7;  // error of y: no further rounds are needed
   std::vector<Axes> P;
   // |y| by impulses without friction, of which the greatest is 1. Sigma grows with the slip relative to this: loads of
   // nearly dependent contacts may be known to few digits, their effect is known to all.

@@ -12,6 +12,7 @@ struct ContactSprings {
   // Where a light body rattles between heavy ones, the errors of countless steps damp it, on each of the first paths
   // alike. So they may add up to this, relative to the speed.
   static constexpr double LARGEST_SUM = 1;
+  static constexpr double ROUNDING = 2e-14;  // of velocities, relative to the speed
   struct Coupled {
     int other;
     double by;
@@ -56,7 +57,7 @@ struct ContactSprings {
     // In a unit of time near the duration of a contact: k x^eta t = m u with x = u t.
     for (double& k : stiffness)
       k = std::fmax(k / stiffness_unit, SOFTEST) * (mass * speed / std::pow(speed, exponent) / (most / stiffness_unit));
-    slow = std::fmax(tolerance / 10, 2e-14) * speed;
+    slow = std::fmax(tolerance / 10, ROUNDING) * speed;
   }
 
   // f_i and x_i'
@@ -85,15 +86,18 @@ struct ContactSprings {
   // the step is shortened to end there, after the fraction `turns`. A spring that turns at the very end is not the cause.
   // Slower contacts compress their springs for longer, so the longest step depends on the `fastest` residual speed.
   bool accepts_step(double worst, double order, double turns, double fastest) {
-    const double by = 0.9 * std::pow(std::fmax(worst, 1e-10), -1 / order);
-    if (worst <= 1 || h < 1e-13) {
+    constexpr double CAUTION = 0.9, LENGTHEN = 4, SHORTEN = 0.2;  // factors of the length
+    constexpr double SHORTEST = 1e-13, LONGEST = 0.2;  // in units of time
+    constexpr double LEAST_ERROR = 1e-10, AT_THE_START = 1e-6, AT_THE_END = 0.9;
+    const double by = CAUTION * std::pow(std::fmax(worst, LEAST_ERROR), -1 / order);
+    if (worst <= 1 || h < SHORTEST) {
       step_errors += worst * tolerance;
       const double relative = std::fmin(std::fmax(fastest, slow) / speed, 1);
-      const double longest = 0.2 * std::pow(relative, (1 - exponent) / (1 + exponent));
-      h = std::fmin(h * std::fmin(4.0, std::fmax(0.2, by)), longest);
+      const double longest = LONGEST * std::pow(relative, (1 - exponent) / (1 + exponent));
+      h = std::fmin(h * std::fmin(LENGTHEN, std::fmax(SHORTEN, by)), longest);
       return true;
     }
-    h *= turns > 1e-6 && turns < 0.9 ? turns : std::fmax(0.2, by);
+    h *= turns > AT_THE_START && turns < AT_THE_END ? turns : std::fmax(SHORTEN, by);
     return false;
   }
 

@@ -153,10 +153,11 @@ class Conditions {
 
   // From -1 to 1, by where and how a contact acts.
   static double uneven(const Cone<double>& cone, int axis, double phase) {
+    constexpr double FREQUENCY = 50;  // contacts that act a little differently get other numbers
     double sum = 0;
     for (const auto& side : cone.row)
       for (int k = 0; k < 6; ++k) sum += std::sqrt(k + 2.0) * side[axis][k];
-    return std::sin(50 * sum + phase);
+    return std::sin(FREQUENCY * sum + phase);
   }
 
   // P and the residual y - B^T P at some y. Returns the length of this.
@@ -169,7 +170,7 @@ class Conditions {
       limit(P[i], cone.mu, slopes[i]);
       cone.add_effect({-P[i][0], -P[i][1], -P[i][2]}, residual);
     }
-    work += static_cast<double>(90 * cones.size());
+    work += static_cast<double>(Cone<double>::WORK * cones.size());
     return length_of(residual);
   }
 
@@ -223,8 +224,9 @@ class Conditions {
   // Solve the equations from the y at hand, until rounding hides what a step gains. If that fails, y stays as it is.
   bool newton(int turns) {
     constexpr double SHORTEST = 1e-3, LESS = 1e-4;
+    constexpr double ROUNDING_OF_ONE = 1e-11, ROUNDING_OF_RHO = 1e-13;  // of 1, and of rho times a velocity
     rho = std::pow(10, log_rho);
-    const double near = 1e-11 + 1e-13 * rho;  // the residual may be rho times the rounding of velocities
+    const double near = ROUNDING_OF_ONE + ROUNDING_OF_RHO * rho;
     Vector at = y, step, next;
     double left = evaluate(at);
     while (turns-- > 0 && has_budget()) {

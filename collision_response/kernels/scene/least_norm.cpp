@@ -37,6 +37,7 @@ constexpr double NO_EFFECT = 0x1p-93, LEAST_EFFECT = 0x1p-98;
 template <class R>
 NullImpulses null_impulses_in(const Assembly& assembly, double enough, double dependent, double most) {
   constexpr int REFINEMENTS = 3;
+  constexpr double WEIGHT_OF_WORK = 1e-6;  // the velocities of walls are known to fewer digits
   const int count = assembly.count;
   const std::vector<AssembledContact>& contacts = assembly.contacts;
   const Effects<R> effects(assembly);
@@ -59,7 +60,7 @@ NullImpulses null_impulses_in(const Assembly& assembly, double enough, double de
       N total = exact(0.0);
       for (int n = 0; assembly.walls_move_apart && n < count; ++n) total = total + contacts[n].velocity * exact(z[n]);
       const double work = fastest > 0 ? high(total) / fastest : 0;
-      square = work * work * 1e-6;  // the velocities of walls are known to fewer digits
+      square = work * work * WEIGHT_OF_WORK;
       for (int n = 0; n < count; ++n)
         if (z[n].h != 0) square += z[n].h * high(assembly.velocity_change(contacts[n], twists));
       double size = std::fabs(work);  // of the effect, in the norm of error_bound
@@ -180,8 +181,9 @@ bool minimise_norm_in(const Assembly& assembly, std::vector<R>& p, bool over_cop
   Minimum<R> solved = with_room(0);
   // Where impulses are just 0, rounding may leave no solution without some room below 0. The less the better: where
   // normals are nearly parallel, others change by many times as much.
+  constexpr double ROOMS[] = {1e-30, 1e-27, 1e-24, 1e-18, 1e-13, 1e-9};
   double room = 0;
-  for (double more : {1e-30, 1e-27, 1e-24, 1e-18, 1e-13, 1e-9})
+  for (double more : ROOMS)
     if (more > Traits<R>::roundoff && solved.status != MinimumStatus::FOUND) solved = with_room(room = more);
   if (solved.status != MinimumStatus::FOUND) return false;
   std::vector<R> x(count);

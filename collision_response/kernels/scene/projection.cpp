@@ -22,21 +22,22 @@ double projection_error(const Assembly& assembly, const std::vector<int>& among,
   double gap = 0, far = 0, moved = 0;
   for (int i : among) {
     double low = high(r[i]) - width(r[i]), largest = std::fabs(high(r[i])) + width(r[i]);
-    gap += q[i].h / unit * (1 + 1e-9) * (largest / unit);
+    gap += q[i].h / unit * ROUND_UP * (largest / unit);
     if (low < 0) far = std::fmax(far, -low * assembly.contacts[i].scale / unit / assembly.separation[i]);
     moved += q[i].h / unit * ((std::fabs(high(start[i])) + width(start[i])) / unit);
   }
   far *= assembly.separating_size;
   double distance = std::sqrt(moved + gap);  // |w - v|^2 = q.r - q.u
-  return (far + std::sqrt(far * far + 4 * (gap + far * distance))) / 2 * (1 + 1e-9) * unit;
+  return (far + std::sqrt(far * far + 4 * (gap + far * distance))) / 2 * ROUND_UP * unit;
 }
 
 // The projection from velocities `start`, with active sets in the digits of R and impulses in double-double.
 template <class R>
 Projection project_with(const Assembly& assembly, const std::vector<N>& start, const std::vector<int>& among,
                         const std::vector<int>& guess) {
-  constexpr int MOST_RETURNS = 1;
-  const int count = assembly.count;
+  constexpr int MOST_RETURNS = 1, REFINEMENTS = 8;
+  constexpr double SETTLED = 2, APPROACH = 8;  // velocities relative to bounds on their rounding
+  const int count = assembly.count, most_rounds = 4 * count + 20;  // mostly, few contacts change
   const std::vector<AssembledContact>& contacts = assembly.contacts;
   auto scale = [&](int j) { return constant<R>(contacts[j].scale); };
   Projection result{MinimumStatus::FOUND, std::vector<DD>(count), std::vector<N>(count), INFINITY};
@@ -60,9 +61,9 @@ Projection project_with(const Assembly& assembly, const std::vector<N>& start, c
   std::vector<R> y;
   std::vector<char> has_left(count);
   int returns = 0;  // of contacts that have left
-  for (int round = 0; round < 4 * count + 20; ++round) {
+  for (int round = 0; round < most_rounds; ++round) {
     double residual = 0, first_residual = INFINITY;
-    for (int turn = 0; turn < 8; ++turn) {  // refine the active impulses, by Newton's method
+    for (int turn = 0; turn < REFINEMENTS; ++turn) {  // refine the active impulses, by Newton's method
       update_r();
       is_settled = true;
       y.clear();
@@ -70,7 +71,7 @@ Projection project_with(const Assembly& assembly, const std::vector<N>& start, c
       if (turn == 0) first_residual = residual;
       for (int j : active.members) {
         y.push_back(-rounded_to<R>(r[j]) * scale(j));
-        is_settled = is_settled && std::fabs(high(r[j])) <= 2 * r[j].error;
+        is_settled = is_settled && std::fabs(high(r[j])) <= SETTLED * r[j].error;
       }
       if (is_settled) break;
       active.solve(y.data());
@@ -97,7 +98,7 @@ Projection project_with(const Assembly& assembly, const std::vector<N>& start, c
     double most = 0;
     for (int i : among) {
       double slope = high(r[i]) * contacts[i].scale;
-      if (!active.has(i) && high(r[i]) < -8 * r[i].error && slope < most) {
+      if (!active.has(i) && high(r[i]) < -APPROACH * r[i].error && slope < most) {
         most = slope;
         entering = i;
       }

@@ -46,10 +46,10 @@ class ProjectionBound {
     for (int i : among) separates[i] = !(q[i].h > 0);
     for (;;) {
       const std::optional<Vector> t = changes_that_make_up_for(among, separates, r);
-      const double d = t ? dot(*t, size) * (1 + 1e-9) : INFINITY;
+      const double d = t ? dot(*t, size) * ROUND_UP : INFINITY;
       bool is_enough = true;
       for (int i : among) {
-        const double change = t && size[i] > 0 ? (*t)[i] * (1 + 1e-9) : d;
+        const double change = t && size[i] > 0 ? (*t)[i] * ROUND_UP : d;
         if (separates[i] && !((high(r[i]) - width(r[i])) * assembly.contacts[i].scale >= change))
           separates[i] = is_enough = false;  // d might stop it from separating: make up for it, too
       }

@@ -18,8 +18,9 @@ constexpr double NO_WALL = 1e-9;
 using Velocity = std::array<double, 3>;
 
 // What counts as a wall where loads are shared: immovable bodies, and bodies the more the heavier they are than what they
-// touch, from 1e6 times on. An impulse hardly moves them, but may do work on them.
+// touch. An impulse hardly moves them, but may do work on them.
 struct Walls {
+  static constexpr double HEAVY = 1e6;  // as many times heavier, bodies begin to count
   const Assembly& assembly;
   Vector weight;  // of each body: how much it counts as a wall, from 0 to 1
   Velocity drift{};  // of walls, on average over the loads. Work is what an observer sees who moves with it
@@ -29,7 +30,7 @@ struct Walls {
     for (const Cone<DD>& cone : cones)
       for (int side = 0; side < 2; ++side)
         if (const int body = cone.body[side]; body >= 0) weight[body] = std::fmin(weight[body], cone.own_part(side));
-    for (double& one : weight) one = std::pow(1 + 1e6 * one, -2);
+    for (double& one : weight) one = std::pow(1 + HEAVY * one, -2);
     double total = 0;
     for (int i = 0; i < assembly.count; ++i)
       for (int side = 0; side < 2; ++side) {

@@ -12,6 +12,8 @@ using DD = DoubleDouble<double>;
 using Vector = std::vector<double>;
 using Axes = std::array<double, 3>;
 
+constexpr double ROUND_UP = 1 + 1e-9;  // makes an upper bound of a sum of doubles that are not negative
+
 INLINE DD operator+(const DD& a, double b) { return a + DD{b, 0}; }
 INLINE DD operator*(double a, const DD& b) { return DD{a, 0} * b; }
 INLINE DD operator/(const DD& a, double b) { return a / DD{b, 0}; }
