@@ -12,6 +12,9 @@ namespace {
 
 constexpr size_t KEPT_SETS = 200;  // of contacts, as each takes memory for all contacts
 
+constexpr double ROUNDING = 0x1p-50;  // of a few operations in doubles
+constexpr double ROUNDING_OF_IMPULSES = 0x1p-98;  // of a sum in double-double
+
 struct Reflections {
   const Assembly& assembly;
   bool is_fine = false;  // with bounds from the contacts that press in each projection, in double-double: slow
@@ -28,7 +31,7 @@ struct Reflections {
     for (const AssembledContact& contact : assembly.contacts) {
       double approach = -high(contact.velocity) / contact.length;
       speed = std::fmax(speed, approach);
-      doubt = std::fmax(doubt, width(contact.velocity) / contact.length + std::fabs(approach) * 0x1p-50);
+      doubt = std::fmax(doubt, width(contact.velocity) / contact.length + std::fabs(approach) * ROUNDING);
     }
     if (!(speed > 0)) return result;
     if (!is_fine) projection_bound.emplace(assembly, assembly.all_contacts());
@@ -67,7 +70,7 @@ struct Reflections {
     if (e_error > 0 && by_restitution > 0) error += e_error * by_restitution;
     for (DD& x : p) x = e * x;
     result.error = result.restitution * error + (1 - result.restitution) * first.error + rounding +
-                   assembly.velocity_size(p.data()) * 0x1p-98;
+                   assembly.velocity_size(p.data()) * ROUNDING_OF_IMPULSES;
     result.error += add(p, 1, first.q);
     u = assembly.velocities(p.data());
     if (std::any_of(u.begin(), u.end(), [](const N& one) { return high(one) < width(one); })) {
@@ -103,38 +106,45 @@ struct Reflections {
     return fine_bounds.try_emplace(those, assembly, those).first->second;
   }
 
+  // The restitution of the contacts that approach, 0 if there are none; nothing if they have several.
+  std::optional<double> equal_restitution(const std::vector<int>& among) const {
+    double least = 1, most = 0;
+    for (int i : among) {
+      const AssembledContact& contact = assembly.contacts[i];
+      if (!(high(contact.velocity) < 0)) continue;
+      least = std::fmin(least, contact.e);
+      most = std::fmax(most, contact.e);
+    }
+    if (least >= most) return most;
+    return {};
+  }
+
+  // The contacts that may have an impulse in the first projection: the others separate.
+  std::vector<int> pressed_by(const Projection& first) const {
+    const std::vector<N> after = assembly.velocities(first.q.data());
+    std::vector<int> pressed;
+    for (int i = 0; i < assembly.count; ++i)
+      if (!(high(after[i]) > width(after[i]) + first.error / assembly.contacts[i].scale)) pressed.push_back(i);
+    return pressed;
+  }
+
   // The restitution of the cluster: sum e u q / sum u q over the contacts that approach, for the q of least norm. For
   // another q, e would depend on the order of the contacts.
   DD joined_restitution(const Projection& first, double& error) const {
-    const std::vector<DD>& q = first.q;
+    constexpr double GREATEST_DOUBT = 0x1p-30;
     error = 0;
-    double least, most;
-    auto are_equal = [&](const std::vector<int>& among) {
-      least = 1, most = 0;
-      for (int i : among) {
-        const AssembledContact& contact = assembly.contacts[i];
-        if (!(high(contact.velocity) < 0)) continue;
-        least = std::fmin(least, contact.e);
-        most = std::fmax(most, contact.e);
-      }
-      return least >= most;
-    };
-    if (are_equal(assembly.all_contacts())) return {most, 0};
-    const std::vector<N> after = assembly.velocities(q.data());
-    std::vector<int> pressed;  // the others separate, and have no impulse
-    for (int i = 0; i < assembly.count; ++i)
-      if (!(high(after[i]) > width(after[i]) + first.error / assembly.contacts[i].scale)) pressed.push_back(i);
-    if (are_equal(pressed)) return {most, 0};
-    std::vector<DD> shared = q;
+    if (const auto e = equal_restitution(assembly.all_contacts())) return {*e, 0};
+    const std::vector<int> pressed = pressed_by(first);
+    if (const auto e = equal_restitution(pressed)) return {*e, 0};
+    std::vector<DD> shared = first.q;
     const NullImpulses null = null_impulses(assembly);
-    const std::vector<std::vector<DD>>& Z = null.basis;
-    const bool is_unique = Z.empty();
-    const bool is_known = is_unique || minimise_norm(assembly, shared, Z);
+    const bool is_unique = null.basis.empty();
+    const bool is_known = is_unique || minimise_norm(assembly, shared, null.basis);
     // In units near the greatest, because the works may be out of the range of doubles.
     double fastest = 0, greatest = 0;
     for (int i = 0; i < assembly.count; ++i) {
       fastest = std::fmax(fastest, -high(assembly.contacts[i].velocity));
-      greatest = std::fmax(greatest, q[i].h);
+      greatest = std::fmax(greatest, first.q[i].h);
     }
     if (!(greatest > 0)) return {};
     const double unit = power_near(fastest), load = power_near(greatest);
@@ -150,35 +160,35 @@ struct Reflections {
     }
     if (!(high(below) < 0)) return {};
     const N e = above / below;
+    auto lost = [&](int i) {  // (e_i - e) u_i
+      const AssembledContact& contact = assembly.contacts[i];
+      return (contact.e - high(e)) * (std::fmin(high(contact.velocity), 0) / unit);
+    };
     // How far the works may be from those for the exact q*:
     //     sum (e_i - e) u_i (q*_i - q_i) = z.A (q* - q) <= sqrt(z.A z) |M^-1 N (q* - q)|    for A z = (e_i - e) u_i
     ActiveSet<DD> basis(assembly.couplings<DD>().data(), assembly.count);
     const bool depends = !basis.span(pressed, NEXT_TO_NOTHING).empty();
     std::vector<DD> z;
-    for (int i : basis.members) {
-      const AssembledContact& contact = assembly.contacts[i];
-      z.push_back({(contact.e - high(e)) * (std::fmin(high(contact.velocity), 0) / unit) * contact.scale, 0});
-    }
-    std::vector<DD> c(z);
+    for (int i : basis.members) z.push_back({lost(i) * assembly.contacts[i].scale, 0});
+    const std::vector<DD> c(z);
     basis.solve(z.data());
     double square = 0;
     for (size_t k = 0; k < c.size(); ++k) square += high(c[k] * z[k]);
     double doubt = first.error / load * std::sqrt(square) / -high(below);
-    // If impulses of Z do little, but not nothing, these contacts may not be free to share their load evenly. If others
+    // If null impulses do little, but not nothing, these contacts may not be free to share their load evenly. If others
     // depend on each other too nearly, there may be another load to share.
-    const bool is_shared_exactly = null.are_exact && basis.last_pivot() >= NEARLY_DEPENDENT;
-    for (size_t k = 0; !is_shared_exactly && k < Z.size(); ++k) {
-      double work = 0, size = 0;
-      for (int i : pressed) {
-        const AssembledContact& contact = assembly.contacts[i];
-        work += (contact.e - high(e)) * (std::fmin(high(contact.velocity), 0) / unit) * Z[k][i].h;
-        size = std::fmax(size, std::fabs(Z[k][i].h));
+    if (!(null.are_exact && basis.last_pivot() >= NEARLY_DEPENDENT))
+      for (const std::vector<DD>& one : null.basis) {
+        double work = 0, size = 0;
+        for (int i : pressed) {
+          work += lost(i) * one[i].h;
+          size = std::fmax(size, std::fabs(one[i].h));
+        }
+        if (size > 0) doubt += std::fabs(work) / size * (greatest / load) / -high(below);
       }
-      if (size > 0) doubt += std::fabs(work) / size * (greatest / load) / -high(below);
-    }
     error = width(e) + doubt;
     // These digits do not tell which contacts carry the load; fractions may.
-    if ((depends && is_unique) || !is_known || doubt > 0x1p-30) error = INFINITY;
+    if ((depends && is_unique) || !is_known || doubt > GREATEST_DOUBT) error = INFINITY;
     return high(e) < 0 ? DD{} : high(e) > 1 ? DD{1, 0} : e.value;
   }
 
@@ -192,7 +202,7 @@ struct Reflections {
     for (int i = 0; i < assembly.count; ++i) {
       const AssembledContact& contact = assembly.contacts[i];
       N off = u[i] + exact(limit) * exact(contact.length);  // both the length and the limit are rounded
-      double known = width(off) + error / contact.scale + (doubt + limit * 0x1p-50) * contact.length;
+      double known = width(off) + error / contact.scale + (doubt + limit * ROUNDING) * contact.length;
       double distance = std::fabs(high(off));
       seen.is_certain = seen.is_certain && (distance > known || (known == 0 && error == 0));
       seen.margin = std::fmin(seen.margin, distance / contact.length);
@@ -209,7 +219,7 @@ struct Reflections {
       lost += (std::fabs(p[i].h) + std::fabs(by.h)) / assembly.contacts[i].scale;
       p[i] = p[i] + by;
     }
-    return lost * 0x1p-98;
+    return lost * ROUNDING_OF_IMPULSES;
   }
 };
 

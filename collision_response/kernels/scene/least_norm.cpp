@@ -105,68 +105,90 @@ template <class R> constexpr double ROUNDING = is_scalar<R> ? 0x1p-46 : 0x1p-88;
 // they grow with what these would be if rounding let the former be less than 0.
 constexpr double GREATEST_MULTIPLIERS = 1e9;
 
-// Components of Z up to SMALL may be rounding, and do not keep p from changing. p is known if multipliers are not too
-// great, and no such component changes an impulse by more than it is.
+// Null impulses as orthonormal vectors Z, in the digits of R.
 template <class R>
-bool minimise_norm_in(const Assembly& assembly, std::vector<R>& p, bool over_copies,
-                      const std::vector<std::vector<DD>>& basis, double left_out = 0, const Vector& target = {}) {
-  constexpr double SMALL = is_scalar<R> ? 1e-10 : 1e-14;
-  const int count = assembly.count;
-  std::vector<std::vector<R>> Z(basis.size(), std::vector<R>(count));
-  std::vector<std::vector<int>> used(basis.size());  // the contacts for which each of them is not 0
-  std::vector<R> P(count), goal(count);
-  Vector weight(count), terms(count);  // terms: the sum of the sizes of what P is the sum of
-  for (int i = 0; i < count; ++i) {
-    weight[i] = assembly.contacts[i].length / (over_copies ? std::sqrt(assembly.contacts[i].copies) : 1);
-    P[i] = weight[i] * p[i];
-    if (!target.empty()) goal[i] = constant<R>(weight[i] * target[i]);
-    terms[i] = std::fabs(high(P[i]));
-    for (size_t k = 0; k < Z.size(); ++k) Z[k][i] = weight[i] * rounded_to<R>(basis[k][i]);
+class NullSpace {
+ public:
+  // `weight`: of each contact.
+  NullSpace(const std::vector<std::vector<DD>>& basis, const Vector& weight) : used(basis.size()) {
+    const int count = static_cast<int>(weight.size());
+    for (size_t k = 0; k < basis.size(); ++k) {
+      Z.emplace_back(count);
+      for (int i = 0; i < count; ++i) Z[k][i] = weight[i] * rounded_to<R>(basis[k][i]);
+      for (int turn = 0; turn < 2; ++turn)  // twice is enough
+        for (size_t before = 0; before < k; ++before) add(Z[k], -along(Z[k], before), before);
+      const R length = root(dot(Z[k], Z[k]));
+      for (int i = 0; i < count; ++i) {
+        R& x = Z[k][i];
+        x = x / length;
+        if (std::fabs(high(x)) < ROUNDING<R>) x = R{};
+        else used[k].push_back(i);
+      }
+    }
   }
-  auto along = [&](const std::vector<R>& x, size_t k) {
+
+  // Leave out the contacts that change by less than `part` of the norm.
+  void leave_out(double part) {
+    const size_t count = Z.empty() ? 0 : Z[0].size();
+    Vector square(count);
+    for (const auto& z : Z)
+      for (size_t i = 0; i < count; ++i) square[i] += high(z[i]) * high(z[i]);
+    for (size_t k = 0; k < Z.size(); ++k) {
+      std::vector<int> kept;
+      for (int i : used[k])
+        if (square[i] < part * part) Z[k][i] = R{};
+        else kept.push_back(i);
+      used[k] = std::move(kept);
+    }
+  }
+
+  size_t size() const { return Z.size(); }
+  const R& at(size_t k, int i) const { return Z[k][i]; }
+  const std::vector<int>& contacts(size_t k) const { return used[k]; }
+
+  // Z_k.x
+  R along(const std::vector<R>& x, size_t k) const {
     R sum{};
     for (int i : used[k]) sum += Z[k][i] * x[i];
     return sum;
-  };
-  auto add = [&](std::vector<R>& x, const R& by, size_t k) {
+  }
+  // x += by Z_k
+  void add(std::vector<R>& x, const R& by, size_t k) const {
     for (int i : used[k]) x[i] += by * Z[k][i];
-  };
-  for (size_t k = 0; k < Z.size(); ++k) {  // make Z orthonormal: twice is enough
-    for (int turn = 0; turn < 2; ++turn)
-      for (size_t before = 0; before < k; ++before) add(Z[k], -along(Z[k], before), before);
-    const R length = root(dot(Z[k], Z[k]));
-    for (int i = 0; i < count; ++i) {
-      R& x = Z[k][i];
-      x = x / length;
-      if (std::fabs(high(x)) < ROUNDING<R>) x = R{};
-      else used[k].push_back(i);
-    }
   }
-  Vector share(count);  // how much Z changes each contact, squared
-  for (const auto& z : Z)
-    for (int i = 0; i < count; ++i) share[i] += high(z[i]) * high(z[i]);
-  for (size_t k = 0; k < Z.size(); ++k) {
-    std::vector<int> kept;
-    for (int i : used[k])
-      if (share[i] < left_out * left_out) Z[k][i] = R{};
-      else kept.push_back(i);
-    used[k] = std::move(kept);
-  }
-  const std::vector<R> given = P;
-  auto add_to_P = [&](const R& by, size_t k) {
-    add(P, by, k);
-    for (int i : used[k]) terms[i] += std::fabs(high(by * Z[k][i]));
-  };
-  for (size_t k = 0; k < Z.size(); ++k) add_to_P(along(goal, k) - along(P, k), k);
-  // P + Z Z^T x >= 0, x >= 0: the dual is again a quadratic programme, scaled to a unit diagonal.
-  std::vector<R> b(count), s(count), dual(static_cast<size_t>(count) * count);
+
+ private:
+  std::vector<std::vector<R>> Z;
+  std::vector<std::vector<int>> used;  // the contacts for which each of them is not 0
+};
+
+// The multipliers x >= 0 of P + Z Z^T x >= 0.
+template <class R>
+struct Multipliers {
+  bool are_found = false;
+  std::vector<R> x, scale;  // scale: 0 for contacts that Z does not change
+  double sum = 0;  // of their sizes, scaled
+  double room = 0;  // how far below 0 impulses were let, relative to the greatest
+};
+
+// By the dual, which is again a quadratic programme, scaled to a unit diagonal. `greatest`: of P.
+template <class R>
+Multipliers<R> find_multipliers(const NullSpace<R>& Z, const std::vector<R>& P, double greatest) {
+  constexpr double SMALL = is_scalar<R> ? 1e-10 : 1e-14;  // components of Z that may be rounding
+  // Where impulses are just 0, rounding may leave no solution without some room below 0. The less the better: where
+  // normals are nearly parallel, others change by many times as much.
+  constexpr double ROOMS[] = {1e-30, 1e-27, 1e-24, 1e-18, 1e-13, 1e-9};
+  const int count = static_cast<int>(P.size());
+  Multipliers<R> found;
+  found.x.resize(count);
+  found.scale.resize(count);
+  std::vector<R>& s = found.scale;
+  std::vector<R> b(count), dual(static_cast<size_t>(count) * count);
   for (size_t k = 0; k < Z.size(); ++k)
-    for (int i : used[k])
-      for (int j : used[k]) dual[i * count + j] += Z[k][i] * Z[k][j];
+    for (int i : Z.contacts(k))
+      for (int j : Z.contacts(k)) dual[i * count + j] += Z.at(k, i) * Z.at(k, j);
   std::vector<int> among;
-  double greatest = 0;
   for (int i = 0; i < count; ++i) {
-    greatest = std::fmax(greatest, std::fabs(high(P[i])));
     const R square = dual[i * count + i];
     if (!(high(square) > SMALL * SMALL)) continue;
     s[i] = constant<R>(1) / root(square);
@@ -179,26 +201,51 @@ bool minimise_norm_in(const Assembly& assembly, std::vector<R>& p, bool over_cop
     return minimise(dual, b, among);
   };
   Minimum<R> solved = with_room(0);
-  // Where impulses are just 0, rounding may leave no solution without some room below 0. The less the better: where
-  // normals are nearly parallel, others change by many times as much.
-  constexpr double ROOMS[] = {1e-30, 1e-27, 1e-24, 1e-18, 1e-13, 1e-9};
-  double room = 0;
   for (double more : ROOMS)
-    if (more > Traits<R>::roundoff && solved.status != MinimumStatus::FOUND) solved = with_room(room = more);
-  if (solved.status != MinimumStatus::FOUND) return false;
-  std::vector<R> x(count);
-  double multipliers = 0;
+    if (more > Traits<R>::roundoff && solved.status != MinimumStatus::FOUND) solved = with_room(found.room = more);
+  found.are_found = solved.status == MinimumStatus::FOUND;
   for (int i : among) {
-    x[i] = solved.x[i] * s[i];
-    multipliers += std::fabs(high(solved.x[i]));
+    found.x[i] = solved.x[i] * s[i];
+    found.sum += std::fabs(high(solved.x[i]));
   }
-  for (size_t k = 0; k < Z.size(); ++k) add_to_P(along(x, k), k);
-  bool is_known = multipliers <= GREATEST_MULTIPLIERS * greatest;
+  return found;
+}
+
+// p is known if multipliers are not too great, and no component of Z that may be rounding changes an impulse by more than
+// it is.
+template <class R>
+bool minimise_norm_in(const Assembly& assembly, std::vector<R>& p, bool over_copies,
+                      const std::vector<std::vector<DD>>& basis, double left_out = 0, const Vector& target = {}) {
+  const int count = assembly.count;
+  std::vector<R> P(count), goal(count);
+  Vector weight(count), terms(count);  // terms: the sum of the sizes of what P is the sum of
+  for (int i = 0; i < count; ++i) {
+    weight[i] = assembly.contacts[i].length / (over_copies ? std::sqrt(assembly.contacts[i].copies) : 1);
+    P[i] = weight[i] * p[i];
+    if (!target.empty()) goal[i] = constant<R>(weight[i] * target[i]);
+    terms[i] = std::fabs(high(P[i]));
+  }
+  NullSpace<R> Z(basis, weight);
+  Z.leave_out(left_out);
+  const std::vector<R> given = P;
+  auto add_to_P = [&](const R& by, size_t k) {
+    Z.add(P, by, k);
+    for (int i : Z.contacts(k)) terms[i] += std::fabs(high(by * Z.at(k, i)));
+  };
+  for (size_t k = 0; k < Z.size(); ++k) add_to_P(Z.along(goal, k) - Z.along(P, k), k);
+  double greatest = 0;
+  for (const R& one : P) greatest = std::fmax(greatest, std::fabs(high(one)));
+  const Multipliers<R> multipliers = find_multipliers(Z, P, greatest);
+  if (!multipliers.are_found) return false;
+  const std::vector<R>& x = multipliers.x;
+  for (size_t k = 0; k < Z.size(); ++k) add_to_P(Z.along(x, k), k);
+  bool is_known = multipliers.sum <= GREATEST_MULTIPLIERS * greatest;
   for (int i = 0; i < count; ++i) {
     const double change = std::fabs(high(P[i] - given[i]));
-    if (high(s[i]) == 0) is_known = is_known && (change < high(given[i]) || change <= ROUNDING<R> * greatest);
+    const bool may_change = high(multipliers.scale[i]) != 0;
+    is_known = is_known && (may_change || change < high(given[i]) || change <= ROUNDING<R> * greatest);
     // The room of all contacts may add up at one.
-    const double none = std::fmax(ROUNDING<R> * terms[i], count * room * greatest);
+    const double none = std::fmax(ROUNDING<R> * terms[i], count * multipliers.room * greatest);
     p[i] = high(x[i]) > 0 || high(P[i]) <= none ? R{} : P[i] / weight[i];
   }
   return is_known;
