@@ -189,6 +189,23 @@ Vector possible_loads(const Assembly& assembly, Vector loads, double least, cons
   }
 }
 
+constexpr double LEAST_PART = 1e-6;
+
+// The loads where impulses that do nearly nothing share them, too, and those that contacts could have as well.
+struct NearlyShared {
+  Vector possible, nearby;
+  double least;  // sharing gives loads of about SHARING to bodies that have hardly any
+
+  NearlyShared(const Assembly& assembly, const Vector& loads, const std::vector<int>& touched)
+      : least(SHARING / LEAST_PART * greatest_of(loads)) {
+    auto nearest = [&](const Vector& target) { return share_nearly(assembly, loads, touched, target); };
+    const Vector shared = nearest(Vector(assembly.count));
+    possible = possible_loads(assembly, shared, LEAST_PART, nearest);
+    nearby = loads_nearby(assembly, shared);
+  }
+  double part_of(int contact) const { return possible[contact] / std::fmax(nearby[contact], least); }
+};
+
 }  // namespace
 
 bool are_on_one_face(const Assembly& assembly, int i, int j, double tilt) {
@@ -206,7 +223,7 @@ bool are_on_one_face(const Assembly& assembly, int i, int j, double tilt) {
 }
 
 SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p) {
-  constexpr double SMALL = 1e-10, LEAST = 1e-6;  // a load, relative to those of its bodies; a part
+  constexpr double SMALL = 1e-10;  // a load, relative to those of its bodies
   constexpr double NEVER_ROUNDING = 1e-6;  // a load, also relative: from here on, rounding does not decide it
   constexpr double NO_LOAD = 1e-20;  // relative to the greatest: where impulses cancel, it is rounding
   const int count = assembly.count;
@@ -241,7 +258,7 @@ SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p) {
   SharedLoads result{possible, greatest, Vector(count)};
   const Vector nearby = loads_nearby(assembly, loads);
   std::optional<RoundedLoads> rounded;  // found if needed
-  Vector nearly_shared, nearly_possible, shared_nearby;  // the same
+  std::optional<NearlyShared> nearly;  // the same
   for (int i = 0; i < count; ++i) {
     const double exactly = possible[i] / std::fmax(nearby[i], no_load);
     double part = exactly > SMALL && possible[i] > no_load;
@@ -250,19 +267,13 @@ SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p) {
       part = rounded->part_of(i, loads[i] / greatest);
     }
     if (!(part >= 1) && given[i] > no_load) {
-      if (nearly_shared.empty()) {
-        auto nearly = [&](const Vector& target) { return share_nearly(assembly, loads, touched, target); };
-        nearly_shared = nearly(Vector(count));
-        nearly_possible = possible_loads(assembly, nearly_shared, LEAST, nearly);
-        shared_nearby = loads_nearby(assembly, nearly_shared);
-      }
-      // Sharing gives loads of about SHARING to bodies that have hardly any.
-      part = std::fmax(part, nearly_possible[i] / std::fmax(shared_nearby[i], SHARING / LEAST * greatest));
+      if (!nearly) nearly.emplace(assembly, loads, touched);
+      part = std::fmax(part, nearly->part_of(i));
     }
-    result.part[i] = part > LEAST ? std::fmin(part, 1) : 0;
+    result.part[i] = part > LEAST_PART ? std::fmin(part, 1) : 0;
   }
   // Loads that small differences decide are known to few digits, those that are nearly shared to all.
-  for (int i = 0; i < count && !nearly_shared.empty(); ++i)
-    if (result.part[i] >= 1) result.loads[i] = nearly_possible[i];
+  for (int i = 0; i < count && nearly; ++i)
+    if (result.part[i] >= 1) result.loads[i] = nearly->possible[i];
   return result;
 }
