@@ -634,6 +634,13 @@ class TestReport:
         assert said.err == f"collision_response report: {path} is a recording and is not overwritten\n"
         assert path.read_bytes() == before
 
+    @pytest.mark.parametrize("option", ["--csv", "--html"])
+    def test_a_full_disk_is_reported(self, all_kinds, option, capsys):
+        assert main(["report", str(all_kinds), option, "/dev/full"]) == 2
+        error = capsys.readouterr().err
+        assert error.startswith("collision_response report: cannot write /dev/full: ")
+        assert error.endswith("No space left on device\n")
+
     @pytest.mark.parametrize("name", ["some.html", "folder/../some.html", "link.html"])
     def test_page_and_table_must_be_different_files(self, all_kinds, tmp_path, name, capsys):
         """With the name of the page given or default."""

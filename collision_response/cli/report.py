@@ -39,19 +39,21 @@ def main(arguments: list[str]) -> int:
     except (OSError, RuntimeError, ValueError) as error:
         return _failed(error)
     print("\n".join(map(format_name, in_words(summary))))
+    writing = target
     try:
         target.write_text(page(summary, [Path(file).name for file in given.files]), encoding="utf-8")
         if given.csv is not None:
+            writing = given.csv
             write_csv(impacts, given.csv)
     except OSError as error:
-        return _failed(error)
+        return _failed(f"cannot write {writing}: {error.strerror or error}")
     print(f"\nplots: {target}")
     if given.csv is not None:
         print(f"table: {given.csv}")
     return 0
 
 
-def _failed(error: Exception) -> int:
+def _failed(error: Exception | str) -> int:
     print(f"collision_response report: {error}", file=sys.stderr)
     return 2
 
