@@ -4,6 +4,7 @@ formulas.
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from decimal import Decimal
@@ -771,6 +772,45 @@ def test_the_derivative_by_friction_at_zero_is_that_of_little_friction(law, rest
     little, none = (resolve(rod, Body.static(), c, ImpactModel(law)) for c in (with_friction, without))
     slope = (np.array(little.impulse) - none.impulse) / 1e-7
     np.testing.assert_allclose(found.of("impulse", "contact.friction")[:, 0], slope, rtol=0, atol=1e-5)
+
+
+def struck_head_on(normal: tuple[float, float, float], with_partner: bool) -> tuple[Body, Body]:
+    """A sphere that moves along a normal which rounding turns, and an equal one or an immovable body."""
+    n = Vec3(*normal) * (1 / math.sqrt(Vec3(*normal).dot(Vec3(*normal))))
+    a, b = (
+        Body.sphere(0.5, 0.1, position=n * (0.1 * side), velocity=n * (-2.3 * side + 0.8)) for side in (1, -1)
+    )
+    return (a, b) if with_partner else (a, Body.static())
+
+
+@pytest.mark.parametrize("with_partner", [False, True])
+@pytest.mark.parametrize("law", LAWS_WITH_FRICTION)
+def test_friction_does_nothing_at_the_centre(law, with_partner):
+    """Without friction nothing slips but the rounding of the velocities: the least friction holds it."""
+    for normal in itertools.product((-3.0, 0.0, 1.0, 2.0), repeat=3):
+        if not any(normal):
+            continue
+        bodies = struck_head_on(normal, with_partner)
+        n = (bodies[0].position - bodies[1].position) * (1.0 if with_partner else 10.0)
+        contact = Contact.of((0, 0, 0), n, 0.8, 0.0)
+        found = differentiate(*bodies, contact, ImpactModel(law), ["contact.friction"])
+        assert not found.jacobian.any(), normal
+        assert found.smoothness[0] == KINK
+
+
+@pytest.mark.parametrize("law", PATH_LAWS)
+def test_the_derivative_by_friction_at_zero_where_slip_turns_back(law):
+    """Slip stops after half of the impulse. Friction acts against it, and then the other way for as long."""
+    body = Body.dynamic(1.0, (0.5, 0, 0, 1.0, 0, 0.75), velocity=(-0.75, 0.75, -5.0))
+    with_friction, without = (Contact.of((1.0, -0.5, -0.5), (0, 0, 1), 0.5, mu) for mu in (1e-6, 0.0))
+    found = differentiate(body, Body.static(), without, ImpactModel(law), ["contact.friction"])
+    little, none = (
+        resolve(body, Body.static(), c, ImpactModel(law, tolerance=1e-11)) for c in (with_friction, without)
+    )
+    slope = (np.array(little.impulse) - none.impulse) / 1e-6
+    # The second derivative is about 30.
+    np.testing.assert_allclose(found.of("impulse", "contact.friction")[:, 0], slope, rtol=0, atol=1e-4)
+    assert found.smoothness[0] == SMOOTH
 
 
 @pytest.mark.parametrize(("restitution", "mark"), [(1.0, JUMP), (0.9, SMOOTH)])

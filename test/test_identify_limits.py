@@ -251,6 +251,26 @@ def test_the_length_of_a_quaternion_does_not_matter(exponent):
     assert found[0] == found[1]
 
 
+def scaled(speed: float, length: float) -> Impacts:
+    """Impacts with all speeds, and the normals, times powers of two."""
+    before, floors, contacts = spheres(6, 0.6, 0.1)
+    before = [ball.with_twist(Twist(ball.velocity * speed, ball.angular_velocity * speed)) for ball in before]
+    return computed(before, floors, [each._replace(normal=each.normal * length) for each in contacts])
+
+
+def test_neither_the_unit_of_speeds_nor_the_length_of_the_normals_matters():
+    usual, small = (
+        identify(scaled(*units), resamples=2).values for units in ((1.0, 1.0), (2.0**-330, 2.0**-830))
+    )
+    assert small == pytest.approx(usual, rel=1e-9)
+
+
+def test_measurements_whose_squares_vanish_are_refused():
+    for fit in (identify, compare):
+        with refused(StatusCode.OUT_OF_RANGE, "impacts", "too small"):
+            fit(scaled(2.0**-550, 1.0))
+
+
 @pytest.mark.parametrize("speed", [1e160, 1e300])
 def test_measurements_whose_squares_are_beyond_float64_are_refused(speed):
     impacts = computed(*spheres(6, 0.6, 0.1))

@@ -151,7 +151,7 @@ def linearise(
             StatusCode.SEPARATING, "contact.normal", f"there is no impact: the normal velocity is {u_n}"
         )
     matrix = DR + np.outer(F_after - DR @ F_before, Dg) / u_n
-    check_finite("matrix", matrix, "the bodies approach too slowly")
+    check_finite("matrix", matrix, "the bodies approach too slowly, or accelerate too much")
     movable = [12 * side + i for side, body in enumerate(bodies) if body.is_movable() for i in range(12)]
     return LinearisedImpact(request, derivatives, matrix, by_normal, motion, movable)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from itertools import product
 from typing import Any, NamedTuple
@@ -51,6 +52,9 @@ LEFT_OVER = 1e-9
 NEGLIGIBLE_SQUARES = 1e-12
 """A sum of squares of at most this size, in squared units of the problem, counts as 0."""
 
+LEAST_SQUARES = sys.float_info.min
+"""A sum of squares below this has lost digits."""
+
 UNANSWERED_RESIDUAL = 1e6
 """All residuals, in units of the problem, at coefficients with which the law cannot answer some impact."""
 
@@ -75,10 +79,14 @@ def residual_unit(measured: Measurements, kind: str) -> float:
     in a moving frame, unless that is so fast that negligible residuals would be rounding.
 
     Raises:
-        ImpactError: OUT_OF_RANGE if the square of a residual or a measurement is beyond float64.
+        ImpactError: OUT_OF_RANGE if the square of a residual or a measurement is beyond float64, or those of
+            all residuals become 0.
     """
     off = [measured.residuals(Law.FRICTIONLESS, {"restitution": e}, kind) for e in (0.0, 1.0)]
     squares = sum(float((one**2).sum()) for one in off)
+    if squares < LEAST_SQUARES and any(one.any() for one in off):
+        reason = "the measurements are too small: their squares are beyond float64"
+        raise ImpactError(StatusCode.OUT_OF_RANGE, "impacts", reason)
     largest = squares + float((measured.sizes(kind) ** 2).sum())
     if not math.isfinite(largest):
         reason = "a measurement is too large: its square is beyond float64"

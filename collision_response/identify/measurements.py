@@ -162,7 +162,9 @@ class Impacts(Measurements):
         return Impacts(*(np.ascontiguousarray(table[..., chosen]) for table in tables))
 
     def approaching(self) -> Array:
-        return (self._at_contact(self._twists_before()) * self.contacts[CONTACT.normal]).sum(axis=0) < 0
+        normals = self.contacts[CONTACT.normal]
+        normals = normals / abs(normals).max(axis=0)  # of any length: no product must become 0
+        return (self._at_contact(self._twists_before()) * normals).sum(axis=0) < 0
 
     def residuals(self, law: Law, coefficients: CoefficientValues, kind: str) -> Array:
         return self._in_norm(kind, self.predict(law, coefficients) - self.after)

@@ -32,6 +32,29 @@ DerivativeKernel find_kernel(int law) {
   return kernels[formula_of[law]];
 }
 
+// Whether a contact without friction does not slip, as far as the error of its slip tells, when a law applies friction:
+// COULOMB where the approach ends, MOREAU after the impact, and the others all along. Then the least friction holds it.
+bool holds_without_friction(int law, const Bounded<double>* law_input) {
+  const Bounded<double>*n = law_input + LAW_INPUT_N, *u = law_input + LAW_INPUT_U, *K = law_input + LAW_INPUT_K;
+  const Bounded<double> none = Make<Bounded<double>>::constant(0), one = Make<Bounded<double>>::constant(1);
+  const Bounded<double> j = -law_input[LAW_INPUT_N_U] / law_input[LAW_INPUT_N_KN];
+  auto rests_after = [&](const Bounded<double>& impulse) {
+    Bounded<double> v[AXES], n_v = none, nn = none;
+    for (int i = 0; i < AXES; ++i) {
+      Bounded<double> Kn = none;
+      for (int k = 0; k < AXES; ++k) Kn = Kn + K[k_index[i][k]] * n[k];
+      v[i] = u[i] + Kn * impulse;
+      n_v = n_v + n[i] * v[i];
+      nn = nn + n[i] * n[i];
+    }
+    for (int i = 0; i < AXES; ++i)
+      if (const Bounded<double> slip = v[i] - n[i] * (n_v / nn); std::fabs(slip.value) > slip.error) return false;
+    return true;
+  };
+  if (law == LAW_COULOMB) return rests_after(j);
+  return rests_after((one + law_input[LAW_INPUT_RESTITUTION]) * j) && (law == LAW_MOREAU || rests_after(none));
+}
+
 // Whether an impulse P with these derivatives by friction, in one direction, gains energy as friction rises from 0.
 bool gains_by_friction(const Bounded<double>* law_input, const Impulse& P, const Impulse& by_friction, int direction) {
   double gain = 0;
@@ -43,10 +66,18 @@ bool gains_by_friction(const Bounded<double>* law_input, const Impulse& P, const
   return gain > 0;
 }
 
+// Differentiate the impulse of a law by friction, where there is none: slip and stick meet in one point, where a law
+// takes either branch. Springs of any stiffness have the derivatives of hard ones.
+void differentiate_by_friction(int law, const Bounded<double>* law_input, const Seeds& seeds, Impulse* y) {
+  if (!holds_without_friction(law, law_input))
+    return find_kernel(law == LAW_COMPLIANT ? LAW_ROUTH_STRONGE : law)(law_input, seeds, y);
+  *y = {};
+  for (int k = 0; k < DenseDerivatives::DIRECTIONS; ++k) y->kinks |= Edges(seeds[LAW_INPUT_FRICTION][k] != 0) << k;
+}
+
 // Differentiate the impulse of a law. Without friction every law is FRICTIONLESS, and its derivatives are those of
-// FRICTIONLESS too, except those by friction: at friction 0 slip and stick meet in one point, where a law takes either
-// branch. There springs of any stiffness have the derivatives of hard ones. MOREAU falls back to COULOMB if all energy
-// comes back, and the least friction would add some.
+// FRICTIONLESS too, except those by friction. MOREAU falls back to COULOMB if all energy comes back, and the least
+// friction would add some.
 void differentiate_law(int law, const Bounded<double>* law_input, Seeds& seeds, Impulse* y) {
   double (&friction)[DenseDerivatives::DIRECTIONS] = seeds[LAW_INPUT_FRICTION];
   if (law_input[LAW_INPUT_FRICTION].value > 0 || law == LAW_FRICTIONLESS) return find_kernel(law)(law_input, seeds, y);
@@ -58,11 +89,11 @@ void differentiate_law(int law, const Bounded<double>* law_input, Seeds& seeds, 
   std::memset(seeds, 0, sizeof seeds);
   std::memcpy(friction, by_friction, sizeof friction);
   Impulse friction_part;
-  find_kernel(law == LAW_COMPLIANT ? LAW_ROUTH_STRONGE : law)(law_input, seeds, &friction_part);
+  differentiate_by_friction(law, law_input, seeds, &friction_part);
   if (law == LAW_MOREAU && law_input[LAW_INPUT_RESTITUTION].value == 1) {
     const int rising = std::max_element(by_friction, by_friction + DenseDerivatives::DIRECTIONS) - by_friction;
     if (gains_by_friction(law_input, *y, friction_part, rising))
-      find_kernel(LAW_COULOMB)(law_input, seeds, &friction_part);
+      differentiate_by_friction(LAW_COULOMB, law_input, seeds, &friction_part);
   }
   y->kinks |= friction_part.kinks;
   y->jumps |= friction_part.jumps;

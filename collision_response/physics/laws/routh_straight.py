@@ -289,7 +289,7 @@ def _impulse_of_turn(path: Path, slip: StraightSlip) -> Scalar:
 
     The slip ``y`` along ``q`` grows from 0 by ``dy/dx = w - m A_qq y / s``, and so the impulse is
     ``(y - w x) / A_qq``. With ``T = int dx / s`` and ``a = g + m A_qq``, ``y = w s (1 - exp(-a T)) / a`` at
-    the end, or 0 if slip stops there.
+    the end, or 0 if slip stops there. Without friction ``y = w x``, also where slip turns back.
     """
     t1, t2, first, last, x, g = slip
     A_qq, _ = path.A_along(t1, t2)
@@ -301,7 +301,7 @@ def _impulse_of_turn(path: Path, slip: StraightSlip) -> Scalar:
 
     # Where slip all but stops, `growth` may round to -1, which only a stop takes for ever to reach.
     y = choose((last > 0) & (growth > -1), y_at_end, lambda: 0 * last)
-    return choose(first > 0, lambda: (y - x) / A_qq, lambda: 0 * first)
+    return choose((first > 0) & (fixed(path.m) > 0), lambda: (y - x) / A_qq, lambda: 0 * first)
 
 
 def _kink_of_turn(path: Path, t1: Scalar, t2: Scalar, w: Scalar) -> Scalar:
