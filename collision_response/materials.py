@@ -38,6 +38,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from reprlib import repr as quoted
+from textwrap import shorten
 from types import NoneType
 from typing import Any, NamedTuple
 
@@ -50,6 +51,9 @@ from .physics.restitution import Restitution, johnson, plastic, power_law, tabul
 from .status import ImpactError, StatusCode, format_value, renamed
 
 PUBLISHED = Path(__file__).with_name("materials.yaml")
+
+MOST_LISTED = 500
+"""Characters of a list of names in an error."""
 
 
 class Pair(NamedTuple):
@@ -169,11 +173,15 @@ class Materials:
         """The names of all materials in the file, including those of pairs."""
         return frozenset(self.materials).union(*self.pairs)
 
+    @cached_property
+    def _listed(self) -> str:
+        return shorten(", ".join(sorted(self.known)), MOST_LISTED, placeholder=" ...") or "none"
+
     def check(self, field: str, name: str) -> None:
         """Raise ``ImpactError`` (UNKNOWN_MATERIAL) if the file does not have this material."""
         if name not in self.known:
-            names = ", ".join(sorted(self.known)) or "none"
-            raise ImpactError(StatusCode.UNKNOWN_MATERIAL, field, f"is {quoted(name)}; the file has {names}")
+            reason = f"is {quoted(name)}; the file has {self._listed}"
+            raise ImpactError(StatusCode.UNKNOWN_MATERIAL, field, reason)
 
     def between(self, a: str, b: str) -> Pair:
         """Return the entry of the pair ``a`` and ``b``, or an empty entry if the file has none.
@@ -323,7 +331,7 @@ def _coefficient(field: str, law: Any) -> Any:
         return _number(owner, name, law)
     given = {f"after: {law[key]}" if key == "after" else key for key in law}
     for keys, function in FUNCTIONS[name].items():
-        if given == set(keys):
+        if given == set(keys) and not any(str(key).startswith("after:") for key in law):
             try:
                 return function(*(_constant(key, law[key]) for key in keys if key in law))
             except (TypeError, ValueError) as error:

@@ -1,8 +1,8 @@
 """Read YAML as nested lists, mappings, numbers and text; duplicate keys are errors.
 
 PyYAML alone would keep the last of several equal keys, and would raise exceptions other than ``YAMLError``
-for some values that it cannot read. It also follows YAML 1.1, in which ``1e7`` is text, ``1:30`` is 90 and
-``010`` is 8. Here ``1e7`` is a number, as in YAML 1.2, and the other two are errors.
+for some values that it cannot read. It also follows YAML 1.1, in which ``1e7`` is text, ``1:30`` is 90,
+``010`` is 8 and ``1_0`` is 10. Here ``1e7`` is a number, as in YAML 1.2, and the others are errors.
 """
 
 from __future__ import annotations
@@ -46,10 +46,12 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]
             raise ConstructorError(None, None, f"cannot be read as {kind}{hint}", node.start_mark) from None
 
     def construct_int(self, node: Node) -> int:
+        if "_" in self.construct_scalar(node):
+            raise ValueError
         return int(self.construct_scalar(node), 0)
 
     def construct_float(self, node: Node) -> float:
-        if ":" in self.construct_scalar(node):
+        if set(":_").intersection(self.construct_scalar(node)):
             raise ValueError
         return self.construct_yaml_float(node)
 

@@ -846,3 +846,17 @@ def test_next_to_a_wedge_motion_and_energy_are_those_of_the_joints(seed, delta):
     change = (rates_after @ rates_after - rates @ rates) / 2
     assert answer.energy_change == pytest.approx(change, abs=10 * rounding)
     assert answer.energy_change <= rounding
+
+
+@each_law
+@pytest.mark.parametrize("heavy", [1e-200, 1e-300])
+def test_energies_beyond_float64_beside_a_restitution_threshold_are_refused(law, heavy):
+    """The energy of the mechanism is a fraction there, too."""
+    spinning = Body.dynamic(
+        1.0, (0.4, 0, 0, 0.5, 0, 0.6), velocity=(0, 0, -3.0), angular_velocity=(0, 1e155, 0)
+    )
+    tip = Body.articulated((np.eye(6) * heavy).ravel().tolist())
+    with refused(StatusCode.OUT_OF_RANGE, "result"):
+        resolve(
+            spinning, tip, Contact.of((0, 0, 0), (0, 0, 1), 0.5), ImpactModel(law, restitution_threshold=1e-8)
+        )

@@ -255,6 +255,32 @@ def test_limit_memory_limits_the_process(tmp_path):
     assert resource.getrlimit(resource.RLIMIT_DATA)[0] == resource.RLIM_INFINITY
 
 
+STARVED = """
+import threading
+import numpy as np
+from collision_response.ros.process import limit_memory
+
+limit_memory(512)
+taken = []
+for size in (1 << 24, 1 << 20, 1 << 16):
+    try:
+        while True:
+            taken.append(np.empty(size, np.uint8))
+    except MemoryError:
+        pass
+threads = [threading.Thread(target=print, args=("started",)) for _ in range(2)]
+for thread in threads:
+    thread.start()
+"""
+
+
+def test_threads_start_where_no_memory_is_left(tmp_path):
+    """Fast DDS starts one to say so, and would hang if it could not."""
+    command = [sys.executable, "-c", STARVED]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=DEADLINE)
+    assert result.stdout.split() == ["started"] * 2, result.stderr
+
+
 RECORDS = """
 from collision_response.recording.rerun_sdk import rr
 from collision_response.ros.process import private_memory
@@ -468,7 +494,12 @@ def test_an_answer_that_cannot_be_sent_is_counted_and_harmless(graph, monkeypatc
 
 
 @pytest.mark.parametrize(
-    ("error", "code"), [(MemoryError, StatusCode.BUDGET_EXCEEDED), (RuntimeError, StatusCode.INTERNAL_ERROR)]
+    ("error", "code"),
+    [
+        (MemoryError, StatusCode.BUDGET_EXCEEDED),
+        (RuntimeError("unable to create double__Sequence ros_message"), StatusCode.BUDGET_EXCEEDED),
+        (RuntimeError, StatusCode.INTERNAL_ERROR),
+    ],
 )
 def test_an_answer_too_large_to_send_becomes_a_refusal(graph, monkeypatch, error, code):
     """Otherwise this request and all others of the client would be left without an answer."""

@@ -18,7 +18,7 @@ from collision_response.physics.restitution import johnson, plastic, power_law, 
 
 pytest.importorskip("yaml")
 
-from collision_response.materials import FUNCTIONS, NO_MATERIALS, PUBLISHED, Materials
+from collision_response.materials import FUNCTIONS, NO_MATERIALS, PUBLISHED, Material, Materials
 
 FILE = """
 pairs:
@@ -170,6 +170,7 @@ def pair(text):
         (pair("restitution: {speeds: 1, values: 1}"), "INVALID_COEFFICIENT", E),
         (pair("restitution: {yield_speed: 0, after: thornton}"), "INVALID_COEFFICIENT", E),
         (pair("restitution: {yield_speed: 1, after: hertz}"), "INVALID_TABLE", E),
+        (pair('restitution: {yield_speed: 1, "after: thornton": 5}'), "INVALID_TABLE", E),
         (pair("restitution: {power: 1, speed: 1, value: 2}"), "INVALID_COEFFICIENT", E),
         (pair("friction: -1"), "INVALID_COEFFICIENT", "pairs[0].friction"),
         (pair("tangential_restitution: 2"), "INVALID_COEFFICIENT", "pairs[0].tangential_restitution"),
@@ -226,8 +227,8 @@ def test_what_only_looks_like_a_number_is_refused(write, text):
         Materials.read(write(f"materials: {{steel: {{stiffness: {text}}}}}"))
 
 
-@pytest.mark.parametrize("text", ["1:30", "-1:30.5", "010", "-0_10"])
-def test_numbers_that_yaml_1_1_reads_in_another_base_are_refused(write, text):
+@pytest.mark.parametrize("text", ["1:30", "-1:30.5", "010", "-0_10", "1_0", "1_0.5"])
+def test_numbers_that_yaml_1_1_reads_in_its_own_way_are_refused(write, text):
     with refused(StatusCode.INVALID_TABLE, match="cannot be read as (int|float): quote it if it is text"):
         Materials.read(write(f"materials: {{steel: {{stiffness: {text}}}}}"))
 
@@ -238,6 +239,9 @@ def test_an_unknown_material_is_refused_with_the_known_ones(materials):
         materials.check("body_a.material", "cheese")
     with pytest.raises(ImpactError, match="the file has none"):
         NO_MATERIALS.check("body_a.material", "steel")
+    many = Materials({}, {f"m{i:03}": Material() for i in range(1000)})
+    with refused(StatusCode.UNKNOWN_MATERIAL, "body_a.material", "the file has m000, m001, .{,500} [.]{3}$"):
+        many.check("body_a.material", "x" * 4000)
 
 
 def test_an_empty_file_has_no_materials(write):

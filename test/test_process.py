@@ -106,6 +106,11 @@ def test_it_needs_no_standard_streams(graph, start, tmp_path, closed):
         (("--params-file", "/nowhere/to/be/found.yaml"), "found.yaml"),
         (("-p", "=1"), "=1"),
         (("-p", "memory_limit:=1"), "memory_limit: is 1 MiB, but the node uses "),
+        # Enough for the node itself, but not for rerun.
+        (
+            ("-p", "memory_limit:=450", "-p", "recording.enabled:=true"),
+            "memory_limit: is 450 MiB, but the node",
+        ),
         (
             ("-p", "body_state_topics:=[]"),
             "body_state_topics: an empty list has no type: write [''] for none",

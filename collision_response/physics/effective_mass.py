@@ -220,8 +220,8 @@ class BodyAtContact(NamedTuple):
         """
         if not self.link_inverse_inertia:
             return 0
-        mean = velocity + self.velocity_from_spin() + self.velocity_change(change) * 0.5
-        return choose(all_zero(self.link_inverse_inertia), lambda: 0.0 * mean.x, lambda: impulse.dot(mean))
+        mean = velocity + self.velocity_from_spin() + self.velocity_change(change) / 2
+        return choose(all_zero(self.link_inverse_inertia), lambda: 0 * mean.x, lambda: impulse.dot(mean))
 
 
 class ContactKinematics(NamedTuple):

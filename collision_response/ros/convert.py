@@ -14,6 +14,7 @@ import math
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from functools import lru_cache
+from reprlib import repr as quoted
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
@@ -201,7 +202,7 @@ def coefficients_of(
     """
     for owner, body in (("body_a", body_a), ("body_b", body_b)):
         if body.material and parameters.materials is NO_MATERIALS:
-            reason = f"is {body.material!r}, but the parameter materials_file names no file"
+            reason = f"is {quoted(body.material)}, but the parameter materials_file names no file"
             raise ImpactError(StatusCode.UNKNOWN_MATERIAL, f"{owner}.material", reason)
         if body.material:
             parameters.materials.check(f"{owner}.material", body.material)

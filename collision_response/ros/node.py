@@ -55,6 +55,9 @@ TABLE_TOPIC = "all_body_states"
 MIN_SHUTDOWN_TIME = 2.0
 """Time [s] that destroying the node may always take, however short ``shutdown_timeout`` is."""
 
+RECORDING_MEMORY = 250
+"""Memory that rerun takes when a recording begins [MiB]. It ends the process if there is less."""
+
 TIME_TO_END = 0.1
 """Time [s] in which a thread without work ends."""
 
@@ -123,9 +126,10 @@ class CollisionResponseNode(DeclaringNode):
         counters = Counters()
         Diagnostics(self, counters, self._states, self._entries_not_recorded, lambda: self._server.waiting())
         parameters.warn_of_unknown(self, given)
+        is_recording = value("recording.enabled")
         if owns_process:
-            limit_memory(value("memory_limit"))
-        if value("recording.enabled"):  # before the services: most starts that fail leave no file
+            limit_memory(value("memory_limit"), RECORDING_MEMORY if is_recording else 0)
+        if is_recording:  # before the services: most starts that fail leave no file
             self._recorder = answer_log.recorder = Recorder(
                 Path(os.path.expanduser(value("recording.directory"))),
                 self.get_logger().warning,

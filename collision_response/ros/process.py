@@ -32,6 +32,9 @@ AnyNode = TypeVar("AnyNode", bound=Node)
 PAUSE_AFTER_ERROR = 0.001
 """Pause [s] after an error in a callback, in case the error occurs again and again."""
 
+KEPT_STACKS = 4
+"""Number of threads that can start when there is no memory left."""
+
 
 class StartError(Exception):
     """The node cannot start. The message is for the user."""
@@ -144,17 +147,19 @@ def create_steady_timer(node: Node, period: float, callback: Callable[[], Any]) 
     return node.create_timer(period, call, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
-def limit_memory(mebibytes: int) -> None:
+def limit_memory(mebibytes: int, needed: int = 0) -> None:
     """Make allocations fail beyond a limit, so that no request can exhaust the memory of the machine.
 
-    The limit is on private writable memory, without libraries and the shared memory of DDS. 0: none.
+    The limit is on private writable memory, without libraries and the shared memory of DDS. 0: none. The
+    process is about to need as much as ``needed`` [MiB] more.
 
     Raises:
         StartError: if the process already uses so much that DDS would end it at the next request.
     """
     if not mebibytes:
         return
-    used, limit = private_memory(), mebibytes << 20
+    _keep_stacks()
+    used, limit = private_memory() + (needed << 20), mebibytes << 20
     if limit <= used:
         raise StartError(
             f"memory_limit: is {mebibytes} MiB, but the node uses {(used >> 20) + 1} at its start"
@@ -163,6 +168,20 @@ def limit_memory(mebibytes: int) -> None:
     if hard != resource.RLIM_INFINITY:
         limit = min(limit, hard)
     resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))
+
+
+def _keep_stacks() -> None:
+    """Start some threads at once and end them: glibc keeps their stacks for other threads.
+
+    Fast DDS starts one at the first error that it logs, such as that there is no memory. Without a stack for
+    it, it waits for ever.
+    """
+    all_run = threading.Barrier(KEPT_STACKS)
+    threads = [threading.Thread(target=all_run.wait) for _ in range(KEPT_STACKS)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
 
 
 def private_memory() -> int:

@@ -388,6 +388,8 @@ def _try_to_send(service: Service[Any, Any], response: Any, header: Any) -> bool
             service.send_response(response, header)
         except RCLError:
             return False
+        except RuntimeError as error:  # what rosidl raises if an array of a message cannot be allocated
+            raise (MemoryError if str(error).startswith("unable to create") else error) from None
         except SystemError as error:
             raise error_in_rclpy(error) from None
     return not caught
