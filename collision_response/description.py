@@ -23,11 +23,10 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from .arguments import number_in
-from .physics.mass_properties import MassProperties
+from .physics.mass_properties import MassProperties, of_particles, within_float64
 from .physics.orientation import Quaternion
 from .physics.tensor import Symmetric3
-from .physics.vector import Vec3
-from .status import format_value
+from .status import ImpactError, format_value
 
 Pose = Any
 """A homogeneous matrix of shape (4, 4)."""
@@ -140,15 +139,16 @@ class Description(NamedTuple):
                 reason = "negative, or one principal moment is greater than the sum of the other two"
                 raise ValueError(f"the inertia of link {name!r} of {self.name!r} is impossible: {reason}")
         parts = [_transformed(pose, self.inertials[name]) for name, pose in links]
-        mass = sum(part.mass for part in parts)
-        if not mass > 0:
+        if not sum(part.mass for part in parts) > 0:
             raise ValueError(f"link {link!r} of {self.name!r} has no mass")
-        com = sum(part.mass * part.com for part in parts) / mass
-        inertia = sum(part.inertia + part.mass * _second_moment(part.com - com) for part in parts)
-        if not np.isfinite([mass, *com, *np.ravel(inertia)]).all():
-            raise ValueError(f"link {link!r} of {self.name!r} has a mass or an inertia that exceeds float64")
-        upper_triangle = (inertia / 2 + inertia.T / 2)[np.triu_indices(3)]
-        return MassProperties(mass, Vec3(*com.tolist()), Symmetric3(*upper_triangle.tolist()))
+        inertia = sum(part.inertia for part in parts)
+        upper_triangle = Symmetric3(*(inertia / 2 + inertia.T / 2)[np.triu_indices(3)].tolist())
+        try:
+            of_links = of_particles((part.mass, part.com) for part in parts)
+            return within_float64(of_links._replace(inertia=of_links.inertia + upper_triangle))
+        except ImpactError:
+            reason = "has a mass or an inertia that exceeds float64"
+            raise ValueError(f"link {link!r} of {self.name!r} {reason}") from None
 
     def _connected_links(self, link: str, locked: bool) -> Iterator[tuple[str, Pose]]:
         """Yield the links of the body that ``link`` belongs to, with their poses in the axes of ``link``."""
@@ -181,10 +181,6 @@ def _is_possible(inertia: Any) -> bool:
     scaled = inertia / size
     second_moments = np.trace(scaled) / 2 * np.eye(3) - scaled
     return bool(np.linalg.eigvalsh(second_moments).min() >= -FILE_ROUNDING)
-
-
-def _second_moment(d: Any) -> Any:
-    return d @ d * np.eye(3) - np.outer(d, d)
 
 
 def _by_name(owner: Element, tag: str) -> dict[str, Element]:

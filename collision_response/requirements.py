@@ -17,7 +17,7 @@ that separates.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 from .answer import Impact, relative_difference
@@ -202,8 +202,8 @@ def scene_requirements(
 
     Raises:
         ImpactError: if a contact cannot be resolved; ``field`` names the contact or the body. UNKNOWN_BODY,
-            if a contact names a body that is not there. INVALID_MODEL, if ``tolerance`` is not positive and
-            finite.
+            if a contact names a body that is not there; SAME_BODY, if it names one twice; NO_DYNAMIC_BODY.
+            INVALID_MODEL, if ``tolerance`` is not positive and finite.
         TypeError: if something has the wrong type.
     """
     survey = SceneSurvey(tolerance)
@@ -214,13 +214,19 @@ def scene_requirements(
         except (TypeError, ValueError):
             raise TypeError(f"contacts[{i}]: must be a SceneContact, is {format_value(given)}") from None
         for side, name in (("body_a", a), ("body_b", b)):
-            if name not in bodies:
+            if not isinstance(name, Hashable) or name not in bodies:
                 reason = f"must be the name of one of the bodies; is {format_value(name)}"
                 raise ImpactError(StatusCode.UNKNOWN_BODY, f"contacts[{i}].{side}", reason)
+        if a == b:
+            reason = f"a body cannot strike itself; is {format_value((a, b))}"
+            raise ImpactError(StatusCode.SAME_BODY, f"contacts[{i}]", reason)
         names = {"body_a": f"bodies[{a!r}]", "body_b": f"bodies[{b!r}]", "contact": f"contacts[{i}].contact"}
         try:
             survey.add(f"{a} - {b}", bodies[a], bodies[b], contact)
         except ImpactError as error:
+            if error.code is StatusCode.NO_DYNAMIC_BODY:
+                reason = f"one body must be dynamic; is {format_value((a, b))}"
+                raise ImpactError(error.code, f"contacts[{i}]", reason) from None
             raise error.renamed(names) from None
         except TypeError as error:
             raise TypeError(renamed(str(error), names)) from None

@@ -860,3 +860,12 @@ def test_energies_beyond_float64_beside_a_restitution_threshold_are_refused(law,
         resolve(
             spinning, tip, Contact.of((0, 0, 0), (0, 0, 1), 0.5), ImpactModel(law, restitution_threshold=1e-8)
         )
+
+
+def test_halves_of_a_matrix_in_numbers_of_different_types_are_averaged():
+    matrix = [[1, Decimal("0.1"), 0], [0.1, F(1), 0], [0, 0, 1]]
+    mixed, floats = (
+        resolve_contact(given, (0, 0, -1.0), (0, 0.6, 0.8))
+        for given in (matrix, [[1, 0.1, 0], [0.1, 1, 0], [0, 0, 1]])
+    )
+    assert mixed.impulse == pytest.approx(floats.impulse, abs=1e-15)

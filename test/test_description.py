@@ -386,6 +386,17 @@ def test_masses_and_inertias_beyond_float64_are_refused_by_name(links):
             description.mass_properties("a")
 
 
+def test_rods_on_a_line_have_no_inertia_about_it():
+    rods = [
+        link(name, mass, (0.01, 0.01, 0.0), f"0.3 0.2 {z}")
+        for name, mass, z in (("a", 0.3, -1.0), ("b", 0.1, 0.0), ("c", 0.3, 1.0))
+    ]
+    robot = Description.read(urdf(*rods, joint("a", "b"), joint("b", "c")))
+    inertia = robot.mass_properties("b").inertia
+    assert (inertia.zz, inertia.xy, inertia.xz, inertia.yz) == (0.0, 0.0, 0.0, 0.0)
+    assert inertia.xx == inertia.yy == pytest.approx(0.63)
+
+
 @pytest.mark.parametrize(
     "wrong", ["ixx='-1' iyy='-1' izz='-1'", "ixx='1' iyy='1' izz='30'", "ixx='1' ixy='5' iyy='1' izz='1'"]
 )

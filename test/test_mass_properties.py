@@ -15,6 +15,7 @@ from refusals import refused
 from collision_response import Body, Contact, StatusCode, resolve
 from collision_response.physics import mass_properties as mp
 from collision_response.physics.mass_properties import Particle, of_particles
+from collision_response.physics.tensor import Symmetric3
 from collision_response.physics.vector import Vec3
 
 # Solids as a few particles of the same mass, centre and inertia: nodes of an exact quadrature.
@@ -177,6 +178,34 @@ def test_results_beyond_float64_are_refused_by_name():
     ):
         with refused(StatusCode.NOT_FINITE, name, match="is beyond float64"):
             mp.of_particles(particles)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_particles_on_a_line_have_no_inertia_about_it(axis):
+    """Neither by rounding of the centre of mass, nor where the coordinates themselves are rounded."""
+    for one in (0.3, 0.1 + 0.2):
+        places = [[0.3] * 3 for _ in range(3)]
+        places[0][(axis + 1) % 3] = one
+        for place, along in zip(places, (-1.0, 0.1, 1.0), strict=True):
+            place[axis] = along
+        rod = mp.of_particles(zip((0.3, 0.1, 0.3), places, strict=True))
+        moments = [rod.inertia.xx, rod.inertia.yy, rod.inertia.zz]
+        assert moments[axis] == rod.inertia.xy == rod.inertia.xz == rod.inertia.yz == 0
+        assert min(moments[axis - 1], moments[axis - 2]) > 0.5
+
+
+def test_particles_at_one_place_have_no_inertia():
+    assert mp.of_particles([(m, (0.1, 0.7, 0.3)) for m in (0.1, 0.2, 0.3)]).inertia == Symmetric3(*[0.0] * 6)
+
+
+def test_many_particles_are_added_up_exactly():
+    """The oblique rod still has no inertia about itself, so it does not turn about its own axis."""
+    count = 5000
+    rod = mp.of_particles([(0.1, (i / count, 2 * i / count, 3 * i / count)) for i in range(count)])
+    assert rod.mass == 500.0
+    body = Body.of(rod, velocity=(1.0, -0.5, -1.0))
+    spin = resolve(body, Body.static(), Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.2)).twist_a.angular
+    assert abs(spin.dot(Vec3(1.0, 2.0, 3.0))) < 1e-12
 
 
 SHAPES = [

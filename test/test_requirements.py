@@ -322,6 +322,20 @@ def test_a_scene_says_which_body_it_does_not_know():
 
 
 @pytest.mark.parametrize(
+    ("names", "code", "field"),
+    [
+        ((["a"], "floor"), StatusCode.UNKNOWN_BODY, "contacts[0].body_a"),
+        (("a", "a"), StatusCode.SAME_BODY, "contacts[0]"),
+        (("floor", "wall"), StatusCode.NO_DYNAMIC_BODY, "contacts[0]"),
+    ],
+)
+def test_a_pair_of_bodies_that_cannot_collide_is_refused(names, code, field):
+    bodies = {"a": Body.dynamic(1.0, velocity=(0, 0, -1)), "floor": Body.static(), "wall": Body.static()}
+    with refused(code, field):
+        scene_requirements(bodies, [SceneContact(*names, Contact.of((0, 0, 0), (0, 0, 1), 0.5))], 1e-6)
+
+
+@pytest.mark.parametrize(
     "tolerance",
     [
         0.0,

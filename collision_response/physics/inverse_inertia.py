@@ -21,7 +21,7 @@ from collections.abc import Iterable
 from functools import reduce
 from typing import Any, NamedTuple
 
-from ..arguments import is_finite, real_number
+from ..arguments import is_finite, of_one_type, real_number
 from ..numbers.operations import Condition, Scalar, all_of, choose, maximum, negation, or_one, square_root
 from ..status import ImpactError, StatusCode, format_value
 from .tensor import Symmetric3
@@ -88,6 +88,8 @@ class InverseInertia(NamedTuple):
             a, b = rows[i][j], rows[j][i]
             if a == b:  # numbers of any type, and the least floats
                 return a
+            if type(a) is not type(b):
+                a, b = of_one_type({f"inverse_inertia[{i}, {j}]": a, f"inverse_inertia[{j}, {i}]": b})
             scale = math.sqrt(abs(rows[i][i])) * math.sqrt(abs(rows[j][j]))
             if not abs(a - b) <= SYMMETRY_TOLERANCE * scale:
                 reason = f"must be symmetric; ({i}, {j}) is {a} and ({j}, {i}) {b}"

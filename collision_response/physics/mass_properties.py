@@ -12,13 +12,16 @@ finite, or a result is beyond float64.
 
 from __future__ import annotations
 
+import math
+import operator
 from collections.abc import Iterable
+from fractions import Fraction
 from typing import Any, NamedTuple
 
 from ..arguments import as_list, of_one_type
 from ..numbers.operations import Scalar, add_up, maximum, numbers_in
 from ..status import ImpactError, StatusCode, format_value
-from .tensor import UNIT, Symmetric3
+from .tensor import Symmetric3
 from .vector import ZERO, Vec3, as_vector
 
 
@@ -44,7 +47,10 @@ class Particle(NamedTuple):
 
 
 def of_particles(particles: Iterable[tuple[Scalar, Iterable[Scalar]]]) -> MassProperties:
-    """Mass properties of a set of particles: exact if their masses and positions are fractions.
+    """Mass properties of a set of particles: exact, or rounded once if their masses or positions are floats.
+
+    Floats that differ by no more than their rounding count as equal: particles on a line along an axis have
+    no inertia about it.
 
     Args:
         particles: a :class:`Particle`, or a tuple of a mass [kg] and a position [m], for each. A negative
@@ -59,23 +65,62 @@ def of_particles(particles: Iterable[tuple[Scalar, Iterable[Scalar]]]) -> MassPr
     for i, one in enumerate(as_list("particles", particles)):
         given |= _particle(f"particles[{i}]", one)
     numbers = of_one_type(given)
-    checked = [Particle(m, Vec3(*position)) for m, *position in zip(*[iter(numbers)] * 4, strict=True)]
-    mass = add_up(p.mass for p in checked) if checked else 0
-    if not mass > 0:
-        reason = f"masses must add up to more than 0, are {format_value(mass, str)}"
+    number = _as_float if numbers and isinstance(numbers[0], float) else Fraction
+    masses, unit_of_mass = _whole(numbers[::4])
+    places, unit = _whole([x for i, x in enumerate(numbers) if i % 4])
+    axes = [places[k::3] for k in range(3)]
+    total = add_up(masses) if masses else 0
+    if not total > 0:
+        reason = f"masses must add up to more than 0, are {format_value(number(total * unit_of_mass), str)}"
         raise ImpactError(StatusCode.INVALID_MASS, "particles", reason)
-    com = add_up([Vec3(0, 0, 0), *(p.position * (p.mass / mass) for p in checked)])
-    inertia = UNIT * 0  # of whole numbers: floats would make fractions inexact
-    for m, position in checked:
-        x, y, z = position - com
-        inertia += Symmetric3(
-            _moment(m, y, z), -m * x * y, -m * x * z, _moment(m, x, z), -m * y * z, _moment(m, x, y)
-        )
+    sums = [add_up(map(operator.mul, masses, axis)) for axis in axes]
+    extends = [number is Fraction or _extends(axis) for axis in axes]
+
+    def second_moment(i: int, j: int) -> Fraction:
+        """``sum m x_i x_j`` about the centre of mass."""
+        if not (extends[i] and extends[j]):
+            return Fraction(0)
+        whole = add_up(m * x * y for m, x, y in zip(masses, axes[i], axes[j], strict=True))
+        return (whole - Fraction(sums[i] * sums[j], total)) * unit_of_mass * unit * unit
+
+    xx, yy, zz = (second_moment(k, k) for k in range(3))
+    products = (second_moment(i, j) for i, j in ((0, 1), (0, 2), (1, 2)))
+    xy, xz, yz = (number(-product) for product in products)
+    inertia = Symmetric3(number(yy + zz), xy, xz, number(xx + zz), yz, number(xx + yy))
+    com = Vec3(*(number(unit * Fraction(one, total)) for one in sums))
+    found = within_float64(MassProperties(number(total * unit_of_mass), com, inertia))
     least = min(inertia.xx, inertia.yy, inertia.zz)
     if least < 0:
         reason = f"have a negative moment of inertia, {format_value(least, str)}"
         raise ImpactError(StatusCode.INVALID_INERTIA, "particles", reason)
-    return _within_float64(mass, com, inertia)
+    return found
+
+
+def _whole(numbers: list[Scalar]) -> tuple[list[int], Fraction]:
+    """Return numbers as multiples of a unit, and the unit."""
+    ratios = [x.as_integer_ratio() for x in numbers]
+    common = math.lcm(*(denominator for _, denominator in ratios))
+    return [numerator * (common // denominator) for numerator, denominator in ratios], Fraction(1, common)
+
+
+NO_EXTENT = Fraction(1, 2**51)
+"""Distances up to this part of the coordinates are rounding."""
+
+
+def _extends(coordinates: list[int]) -> bool:
+    """Whether coordinates differ by more than their rounding.
+
+    Otherwise particles on a line would turn about it as if it were a body as thick as that.
+    """
+    least, most = min(coordinates), max(coordinates)
+    return most - least > NO_EXTENT * max(abs(least), abs(most))
+
+
+def _as_float(x: Fraction) -> float:
+    try:
+        return float(x)
+    except OverflowError:
+        return math.inf if x > 0 else -math.inf
 
 
 def _particle(name: str, given: Any) -> dict[str, Any]:
@@ -196,7 +241,7 @@ def mesh(mass: Scalar, shape: Any) -> MassProperties:
         yy + zz, -second_moment(0, 1), -second_moment(0, 2), xx + zz, -second_moment(1, 2), xx + yy
     )
     centre = Vec3(*(float(x) + size * offset for x, offset in zip(middle, com, strict=True)))
-    return _within_float64(mass, centre, inertia * mass * size * size)
+    return within_float64(MassProperties(mass, centre, inertia * mass * size * size))
 
 
 LEAST_THICKNESS = 2.0**-44
@@ -231,12 +276,11 @@ def _checked(**given: Scalar) -> list[Scalar]:
 
 
 def _principal(mass: Scalar, xx: Scalar, yy: Scalar, zz: Scalar) -> MassProperties:
-    return _within_float64(mass, ZERO, Symmetric3(xx, 0 * xx, 0 * xx, yy, 0 * xx, zz))
+    return within_float64(MassProperties(mass, ZERO, Symmetric3(xx, 0 * xx, 0 * xx, yy, 0 * xx, zz)))
 
 
-def _within_float64(mass: Scalar, com: Vec3, inertia: Symmetric3) -> MassProperties:
-    """Return the mass properties. Raises: as the head of this file says."""
-    found = MassProperties(mass, com, inertia)
+def within_float64(found: MassProperties) -> MassProperties:
+    """Return mass properties as they are. Raises: as the head of this file says."""
     for name, part in found._asdict().items():
         if not all(x - x == 0 for x in numbers_in(part)):
             raise ImpactError(StatusCode.NOT_FINITE, name, "is beyond float64")
