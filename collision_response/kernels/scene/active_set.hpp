@@ -23,7 +23,11 @@ constexpr double NEARLY_DEPENDENT = 1e-18;
 template <class R>
 class ActiveSet {
  public:
-  ActiveSet(const R* matrix, int stride) : A(matrix), stride(stride), is_member(stride) {}
+  ActiveSet(const R* matrix, int stride) : A(matrix), stride(stride), is_member(stride) {
+    const size_t few = std::min(stride, 8);  // at once: memory for one after the other takes as long as the arithmetic
+    members.reserve(few);
+    factor.reserve(few * (few + 1) / 2);
+  }
 
   std::vector<int> members;
   bool has(int i) const { return is_member[i]; }

@@ -122,12 +122,14 @@ struct LeastWork {
     double distance = solve_in_doubles(programme);
     const bool is_rough = distance > COARSEST;
     if (is_rough) distance = solve_precisely(programme, distance);
-    std::optional<Solution> found = by_coulombs_conditions(programme);
-    if (!found) {
-      if (!is_rough) distance = solve_precisely(programme, distance);
-      found = solution_of(programme, distance);
+    Solution found = solution_of(programme, distance);
+    if (std::optional<Solution> obedient = by_coulombs_conditions(programme, found.after)) {
+      found = *std::move(obedient);
+    } else if (!is_rough) {
+      const double finer = solve_precisely(programme, distance);
+      if (finer < distance) found = solution_of(programme, finer);
     }
-    auto& [P, after, error] = *found;
+    auto& [P, after, error] = found;
     result.error += error;
     if (creates_energy(after, P)) {
       result.error += distance_from_before(after);
@@ -231,11 +233,10 @@ struct LeastWork {
     return std::sqrt(dot(off, off));
   }
 
-  // Whether the friction of a programme presses contacts that are not loaded without it.
-  bool presses_others(const Cones<double>& programme) const {
-    const Solution found = solution_of(programme, 0);
+  // Whether friction presses contacts that are not loaded without it.
+  bool presses_others(const Motion& after) const {
     for (int i = 0; i < assembly.count; ++i)
-      if (!(shared.part[i] > 0) && -found.after.velocity(i, 0) * assembly.contacts[i].unit() > LEAST_CHANGE * speed)
+      if (!(shared.part[i] > 0) && -after.velocity(i, 0) * assembly.contacts[i].unit() > LEAST_CHANGE * speed)
         return true;
     return false;
   }
@@ -259,11 +260,11 @@ struct LeastWork {
     return sum;
   }
 
-  // The impulses that obey Coulomb's conditions, if these are the only ones, and the friction of least work presses
-  // contacts or lets some part.
-  std::optional<Solution> by_coulombs_conditions(const Cones<double>& programme) const {
+  // The impulses that obey Coulomb's conditions, if these are the only ones, and friction presses contacts or lets some
+  // part. By least work it gives the motion `after`.
+  std::optional<Solution> by_coulombs_conditions(const Cones<double>& programme, const Motion& after) const {
     constexpr double BUDGET = 1e8;  // multiplications: a tenth of a second
-    const bool presses = presses_others(programme);
+    const bool presses = presses_others(after);
     if (!presses && !(pull(programme) > LEAST_PULL)) return {};
     const std::vector<ConditionAxes> axes = face_axes(assembly);
     std::vector<Axes> rebounds(assembly.count);  // of plastic impacts exactly 0, which rounding would hide
