@@ -670,8 +670,10 @@ def test_no_temporary_file_is_needed(tmp_path):
     """rerun waits for ever if it cannot write one, even after the process should have ended."""
     environment = os.environ | {"WHERE": str(tmp_path), "TMPDIR": "/dev/full"}
     path = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})"
-    program = [sys.executable, "-I", "-c", path + FULL_TMPDIR]
-    result = subprocess.run(program, env=environment, capture_output=True, text=True, timeout=DEADLINE)
+    program = [sys.executable, "-c", path + FULL_TMPDIR]
+    result = subprocess.run(
+        program, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=DEADLINE
+    )
     assert (result.stdout, result.returncode) == ("[]\n", 0), result.stderr
     verify(*tmp_path.glob("*.rrd"))
 
