@@ -410,3 +410,21 @@ def test_no_contact_approaches_where_the_error_is_large(law):
     ]
     answer = resolve_scene([point, turntable], [(0, 1)] * 4, contacts, ImpactModel(law))
     assert min(answer.normal_velocities_after) > -1e-9
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5, 3.0])
+@pytest.mark.parametrize("power", range(3, 19))
+def test_a_ball_before_a_wall_that_a_light_one_strikes(power, exponent):
+    """Elastic springs, masses far apart: one impact after the other. The heavy ball approaches the wall so
+    slowly that it nearly counts as at rest.
+    """
+    light = 10.0**-power
+    bodies = [Body.dynamic(1.0), Body.static(), Body.dynamic(light, velocity=(-1.0, 0.0, 0.0))]
+    scene = Scene(bodies, [(0, 1), (2, 0)], [Contact.of((0, 0, 0), (1, 0, 0))] * 2)
+    answer = scene.resolve(Law.ROUTH_STRONGE, options={"exponent": exponent})
+    heavy, back = 2 * light / (1 + light), (1 - light) / (1 + light)
+    off = math.hypot(answer.twists[0].linear.x - heavy, math.sqrt(light) * (answer.twists[2].linear.x - back))
+    size = math.hypot(heavy, math.sqrt(light) * (back + 1))
+    # For light balls that are not light enough, the heavy one moves while they touch.
+    assert off <= (answer.error_bound + 10 * math.sqrt(light)) * size
+    assert answer.kinetic_energy_after <= answer.kinetic_energy_before * (1 + answer.error_bound)

@@ -318,3 +318,14 @@ def test_a_restitution_threshold_next_to_the_approach_speed(velocity, normal, ul
         return
     exact = Scene([ball, Body.static()], [(0, 1)] * 2, touches).in_fractions()
     assert exact.resolve(law, restitution_threshold=threshold).contacts == answer.contacts
+
+
+@pytest.mark.parametrize("number", [float, F])
+@pytest.mark.parametrize("slope", [2.0**-40, 2.0**-50])
+def test_reflections_without_an_end_tell_their_margin(slope, number):
+    """In a narrow wedge, a ball would be reflected too often."""
+    ball = Body.dynamic(number(1), velocity=(1.0, 0, 0))
+    wedge = [Contact.of((0, 0, 0), (x, -slope, 0)) for x in (1, -1)]
+    answer = resolve_scene([ball, Body.static()], [(0, 1)] * 2, wedge, ImpactModel(Law.FRICTIONLESS))
+    assert Adjustment.NO_REBOUND in answer.adjustments
+    assert answer.decision_margin == pytest.approx(1.0)

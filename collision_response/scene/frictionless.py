@@ -79,15 +79,15 @@ def reflections(cluster: RationalCluster, threshold: Scalar) -> RationalImpulses
             break
         turns = [*turns[-2:], Turn(p, violated, distance)]
         if _repeats(cluster, turns):
-            return endless
+            return endless._replace(margin=margin)
         q = cluster.project(p, violated)
         p = [x + 2 * y for x, y in zip(p, q, strict=True)]
         longest = max(max(x.numerator.bit_length(), x.denominator.bit_length()) for x in p)
         digits += len(p) ** 2 * max(longest, LEAST_DIGITS)
         if digits > DIGITS:
-            return endless._replace(is_cut_off=True)
+            return endless._replace(margin=margin, is_cut_off=True)
     else:
-        return endless
+        return endless._replace(margin=margin)
     p = [e * x + (1 - e) * y for x, y in zip(p, inelastic, strict=True)]
     if cluster.has_approach(p):  # slower than the threshold
         q = cluster.project(p)

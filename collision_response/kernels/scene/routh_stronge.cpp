@@ -56,6 +56,7 @@ bool rattles_for_ever(const Assembly& assembly) {
 
 struct FollowedPath : PathAnswer {
   Vector changes;  // of the twists of the movable bodies
+  double left = 0;  // of approaches too slow to count, relative to the motion: to heavy bodies they may matter
 };
 
 template <class Path>
@@ -66,6 +67,9 @@ FollowedPath answer_of(const Assembly& assembly, const Path& path) {
   const ImpulseEffect effect = effect_of(assembly, answer.impulses, true);
   answer.changes = effect.changes;
   answer.rounding = effect.error_bound;
+  for (int i = 0; i < assembly.count; ++i)
+    answer.left += std::fmax(-effect.normal_velocities[i], 0) / assembly.contacts[i].unit();
+  answer.left /= assembly.velocity_size(answer.impulses.normal.data());
   // No loss is negative, by the errors of the path and the rounding of this sum.
   const double lost = (effect.energies[LOST_TO_RESTITUTION] + effect.energies[LOST_TO_FRICTION]) * (1 - 0x1p-51);
   answer.friction_loss = std::fmin(std::fmax(path.friction_loss, 0), lost);
@@ -117,7 +121,7 @@ PathAnswer follow(const Assembly& assembly, const SpringOptions& options, double
       if (paths > 0) {
         // A change may be small by chance, so it counts for no less than the one before predicts.
         change = std::fmax(relative_distance(assembly, last.changes, found.changes), change * ratio);
-        found.error = 2 * change + tolerance + path.rounding;
+        found.error = 2 * change + tolerance + path.rounding + found.left;
         if (!(path.step_errors <= Path::LARGEST_SUM)) found.error = INFINITY;
       }
       last = std::move(found);
