@@ -205,7 +205,7 @@ def test_many_particles_are_added_up_exactly():
     assert rod.mass == 500.0
     body = Body.of(rod, velocity=(1.0, -0.5, -1.0))
     spin = resolve(body, Body.static(), Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.2)).twist_a.angular
-    assert abs(spin.dot(Vec3(1.0, 2.0, 3.0))) < 1e-12
+    assert abs(spin.dot(Vec3(1.0, 2.0, 3.0))) < 1e-12  # rounding: it turns at 0.6 rad/s
 
 
 SHAPES = [

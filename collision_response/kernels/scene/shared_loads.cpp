@@ -189,7 +189,7 @@ Vector possible_loads(const Assembly& assembly, Vector loads, double least, cons
   }
 }
 
-constexpr double LEAST_PART = 1e-6;
+constexpr double LEAST_PART = 1e-6;  // smaller parts are none
 
 // The loads where impulses that do nearly nothing share them, too, and those that contacts could have as well.
 struct NearlyShared {
