@@ -105,7 +105,7 @@ def test_it_needs_no_standard_streams(graph, start, tmp_path, closed):
         (("-p", "body_state_topics:=[a b]"), "a b"),
         (("--params-file", "/nowhere/to/be/found.yaml"), "found.yaml"),
         (("-p", "=1"), "=1"),
-        (("-p", "memory_limit:=1"), "memory_limit: is 1 MiB, but the node uses "),
+        (("-p", "memory_limit:=1"), "memory_limit: is 1 MiB, but the node needs "),
         # Enough for the node itself, but not for rerun.
         (
             ("-p", "memory_limit:=450", "-p", "recording.enabled:=true"),

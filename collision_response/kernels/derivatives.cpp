@@ -275,11 +275,10 @@ struct Differentiation {
   __attribute__((noinline)) SparseDerivatives parameter(int p, long at, long first, int width, int power) const {
     const long step = direction_stride ? n : 1;
     const double* row = directions + (p * count + first) * step + direction_stride * at;
-    long from = 0, to = width * step;
-    while (from != to && row[from] == 0) from += step;
-    if (from == to) return {};
-    while (row[to - step] == 0) to -= step;
-    const int begin = static_cast<int>(from / step), end = static_cast<int>(to / step);
+    int begin = 0, end = width;
+    while (begin < end && row[begin * step] == 0) ++begin;
+    while (begin < end && row[(end - 1) * step] == 0) --end;
+    if (begin == end) return {};
     SparseDerivatives d(begin / 4, (end + 3) / 4);
     double* line = reinterpret_cast<double*>(d.d);
     std::fill(line + 4 * d.begin, line + 4 * d.end, 0.0);

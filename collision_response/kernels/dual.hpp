@@ -102,7 +102,7 @@ struct SparseDerivatives {
     // Blocks that only one of them has are scaled; those of both are blended.
     int overlap_begin = std::max(begin, b.begin), overlap_end = std::min(end, b.end);
     if (overlap_begin >= overlap_end) {
-      for (int k = y.begin; k < y.end; ++k) y.d[k] = Block{};
+      for (int k = overlap_end; k < overlap_begin; ++k) y.d[k] = Block{};
       multiply(y.d + begin, d + begin, by, end - begin);
       multiply(y.d + b.begin, b.d + b.begin, by_b, b.end - b.begin);
       return y;

@@ -87,7 +87,7 @@ class CollisionResponseNode(DeclaringNode):
         rclpy.exceptions.ParameterException: if a parameter has a value that is not allowed.
         rclpy.exceptions.NameValidationException: if one of ``body_state_topics`` is no name of a topic.
         StartError: if a value is an empty list, or a number without the point that it needs; or if
-            ``memory_limit`` is less than the process uses at its start.
+            ``memory_limit`` is less than the process needs to start.
     """
 
     # On the class, because rclpy destroys a node also if its start failed before these are set.

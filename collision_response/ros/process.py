@@ -154,16 +154,14 @@ def limit_memory(mebibytes: int, needed: int = 0) -> None:
     process is about to need as much as ``needed`` [MiB] more.
 
     Raises:
-        StartError: if the process already uses so much that DDS would end it at the next request.
+        StartError: if the process would have nothing left: DDS would end it at the next request.
     """
     if not mebibytes:
         return
     _keep_stacks()
     used, limit = private_memory() + (needed << 20), mebibytes << 20
     if limit <= used:
-        raise StartError(
-            f"memory_limit: is {mebibytes} MiB, but the node uses {(used >> 20) + 1} at its start"
-        )
+        raise StartError(f"memory_limit: is {mebibytes} MiB, but the node needs {(used >> 20) + 1} to start")
     _, hard = resource.getrlimit(resource.RLIMIT_DATA)
     if hard != resource.RLIM_INFINITY:
         limit = min(limit, hard)
