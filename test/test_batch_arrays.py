@@ -152,6 +152,16 @@ def test_chunks_of_unknown_length_must_be_those_of_every_contact(chunks, lazy, o
             resolve_batch(**known | unknown)
 
 
+def test_a_table_of_unknown_length_is_named():
+    bodies, contacts = shared_batch(Geometry.SPATIAL)
+    table = da.from_array(bodies.reshape(len(bodies), -1), chunks=(-1, 50))
+    chosen = table[:, da.from_array(np.ones(table.shape[1], bool), chunks=50)]
+    with pytest.raises(
+        ValueError, match=r"^bodies: must have chunks of known length: call compute_chunk_sizes"
+    ):
+        resolve_batch(chosen, contacts, pairs=np.array([range(N), range(N, 2 * N)]))
+
+
 def collision_of_arrays(number) -> tuple[Body, Body, Contact]:
     """The sound contacts of the shared batch as one collision of arrays; ``number`` converts a row."""
     bodies, contacts = (array[..., :FIRST_FAULTY] for array in shared_batch(Geometry.SPATIAL))

@@ -37,6 +37,7 @@ from collision_response import (
     Precision,
     Regime,
     StatusCode,
+    resolve,
 )
 from collision_response.batch import body_rows, contact_rows, resolve_batch
 from collision_response.physics.vector import Vec3
@@ -45,6 +46,10 @@ BOX = Body.box(1.0, (1.0, 0.5, 0.25))
 CORNER = Contact.of((0.25, 0.125, -0.125), normal=(0.0, 0.0, 1.0), friction=0.3)
 DOUBLE = ImpactModel(precision=Precision.DOUBLE, tolerance=1e300)
 """Report bounds, and never recompute with more digits."""
+
+
+PLATE = Body.dynamic(1.0, (1e-15, 0.0, 0.0, 0.5, 0.0, 0.5), (0.5, 1.0, 2.0), None, (0.0, 0.0, -1.0))
+"""Almost a rod, for which the path of Routh's laws is too long in DOUBLE."""
 
 
 def impulse_errors(collisions, models, result, rows) -> list[float]:
@@ -226,3 +231,14 @@ def test_an_approach_at_the_threshold_has_the_bound_of_a_single_impact(law, rest
         result = resolve_batch(bodies, contacts, model)
         assert_same_values(result, resolve_one_by_one(Geometry.SPATIAL, collisions, [model] * 4))
         assert (result.error_bound < 1e-6).all()
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
+@pytest.mark.parametrize("law", [Law.ROUTH_POISSON, Law.ROUTH_STRONGE], ids=str)
+def test_a_path_that_is_too_long_in_double_is_followed_with_more_digits(law, tolerance):
+    model = ImpactModel(law, tolerance=tolerance)
+    contact = Contact.of((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.5, 0.5)
+    result = resolve_batch(*batch_of([(PLATE, Body.static(), contact)], Geometry.SPATIAL), model)
+    alone = resolve(PLATE, Body.static(), contact, model)
+    assert result.status == alone.status and result.precision == alone.model.precision
+    assert result.impulse[:, 0].tolist() == list(alone.impulse)

@@ -52,23 +52,24 @@ def resolve_lazily(
     plan = plan_for(shapes["bodies"], shapes["contacts"], model, shapes.get("pairs"))
     chunks = arrays[chunked].chunks[-1]
 
-    def divided(name: str) -> Any:
-        """Divide an array along its last axis."""
+    def rechunked(name: str, last: Any, what_fits: str) -> Any:
+        """Divide an array along its last axis only."""
         array = arrays[name]
         try:
-            whole = array.rechunk({**dict.fromkeys(range(array.ndim - 1), -1), array.ndim - 1: chunks})
-        except ValueError:  # it has other chunks, and not all lengths are known; Dask names no array
-            reason = (
-                f"must have the chunks of {chunked}: call compute_chunk_sizes() of those of unknown length"
-            )
+            whole = array.rechunk({**dict.fromkeys(range(array.ndim - 1), -1), array.ndim - 1: last})
+        except ValueError:  # not all lengths are known; Dask names no array
+            reason = f"must have {what_fits}: call compute_chunk_sizes() of those of unknown length"
             raise ValueError(f"{name}: {reason}") from None
         return whole.to_delayed().ravel()
+
+    def divided(name: str) -> Any:
+        return rechunked(name, chunks, f"the chunks of {chunked}")
 
     contact_chunks = divided("contacts")
     if pairs is None:
         body_chunks, pair_chunks = divided("bodies"), [None] * len(chunks)
     else:
-        body_chunks = [arrays["bodies"].rechunk(-1).to_delayed().item()] * len(chunks)
+        body_chunks = [*rechunked("bodies", -1, "chunks of known length")] * len(chunks)
         pair_chunks = divided("pairs")
     results = [
         delayed(resolve, pure=True)(b, c, model, pairs=p, report=report, workers=workers)

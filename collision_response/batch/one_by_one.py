@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..answer import Impact, status_by_regime
+from ..answer import Impact
 from ..kernels import library
 from ..model import ImpactModel, Precision
 from ..physics.body import Body
@@ -71,10 +71,7 @@ def _write_impact(out: BatchResult, i: int, impact: Impact) -> None:
     written = [*out[:3], *(getattr(out, field) for field in report)]
     if not all(np.isfinite(array[..., i]).all() for array in written):  # beyond float32
         raise library.refusal(StatusCode.OUT_OF_RANGE)
-    if out.precision is None:
-        if impact.status is StatusCode.TOLERANCE_NOT_MET:  # a batch without bounds does not report that
-            out.status[i] = status_by_regime(impact.regime)
-    else:
+    if out.precision is not None:
         out.error_bound[i], out.precision[i] = impact.error_bound, impact.model.precision
 
 

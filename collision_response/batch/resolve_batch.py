@@ -16,10 +16,12 @@
 The rows of ``bodies`` and ``contacts`` are listed in :mod:`~collision_response.batch.rows`. The numbers are
 those of :func:`~collision_response.resolve`, to the bit. With a tolerance every contact gets an error bound,
 and is computed again with more digits where ``resolve`` would do so. Without a tolerance there is no bound,
-and AUTO precision stays in DOUBLE, even where ``resolve`` would notice that DOUBLE is not enough. Routh's
-laws then take a slip that is nothing but rounding for a slip, and may differ in the last bits and the regime.
-So may numbers near the ends of float64's range: ``resolve`` changes to other units where an energy overflows,
-a batch without a report has no energies.
+and AUTO precision stays in DOUBLE, even where ``resolve`` would notice that DOUBLE is not enough. Only an
+answer that gains energy by more than rounding is left to ``resolve``, and is TOLERANCE_NOT_MET if that knows
+no bound either. MOREAU and Routh's laws then take a slip that is nothing but rounding for a slip, and may
+differ in the last bits and the regime, or where ``resolve`` has no bound.
+So may numbers near the ends of float64's range, also with a tolerance: ``resolve`` changes to other units
+where an energy overflows, a batch without a report has no energies.
 A contact that cannot be resolved gets its own status and NaN for results; it does not affect the others.
 """
 
@@ -77,11 +79,12 @@ def resolve_batch(
             that names one body twice gets the status SAME_BODY, a pair that names no column of ``bodies``
             gets UNKNOWN_BODY.
         report: whether to report regimes, energies and adjustments, too. A contact with an energy beyond
-            float64 is then OUT_OF_RANGE, as in :func:`~collision_response.resolve`.
+            the type of the tables is then OUT_OF_RANGE, as in :func:`~collision_response.resolve`.
         out: where to write the results: an earlier result, or a BatchResult of arrays of the same shapes and
             types. They must not overlap the input, each other or themselves. Arrays for a report are written
             if they are there.
-        workers: number of threads, at least 1, that share the contacts. Other Python threads run meanwhile.
+        workers: number of threads, at least 1, that share the contacts. Other Python threads run meanwhile;
+            an interrupt waits for the end.
 
     Returns:
         Arrays of the library of ``bodies``, on the same device: inputs on a GPU are copied to the CPU, which
@@ -192,8 +195,11 @@ def _refine(
         return
     model = request.plan.model
     columns = _inexact(out, LARGEST_BOUND if model.precision is Precision.DOUBLE else plan.target_bound)
-    if columns.size and plan.first_precision is not plan.last_precision:
-        columns = _compute_extended(request, out, columns, workers)
+    if plan.first_precision is not plan.last_precision:
+        # With more digits, slip may be known to stop before a path is too long.
+        columns = np.union1d(columns, np.flatnonzero(out.status == StatusCode.PATH_TOO_LONG))
+        if columns.size:
+            columns = _compute_extended(request, out, columns, workers)
     columns = columns[~(out.error_bound[columns] < settled_bound(model))]
     if columns.size:
         yield from resolve_one_by_one(request.select(columns), out, columns)

@@ -94,7 +94,9 @@ static __attribute__((noinline)) void compute_lanes(const Batch& batch, long at)
   UNROLLED for (int i = 0; i < 12; i += 3)
     sum += reported[i] + reported[i + 1] + reported[i + 2];
   T status = choose<T>(flags[FLAG_SEPARATING], broadcast<T>(STATUS_SEPARATING), broadcast<T>(STATUS_OK));
-  status = choose<T>(flags[FLAG_UNPHYSICAL], broadcast<T>(STATUS_INTERNAL_ERROR), status);
+  // Numbers without error bounds may have too few digits.
+  constexpr int fault_of_numbers = std::is_same_v<N, T> ? FLAG_GAINS_ENERGY : FLAG_UNPHYSICAL;
+  status = choose<T>(flags[fault_of_numbers], broadcast<T>(STATUS_INTERNAL_ERROR), status);
   status = choose<T>(flags[FLAG_UNFINISHED], broadcast<T>(STATUS_PATH_TOO_LONG), status);
   status = choose<T>((sum - sum == 0) & negation(flags[FLAG_OUT_OF_RANGE]), status, broadcast<T>(STATUS_OUT_OF_RANGE));
   // Unlikely, so that the compiler moves what only this needs in here.

@@ -33,6 +33,7 @@ INLINE void compute_impact(F impact, const double* input, const double* error, I
   constexpr int inputs = layout == LAYOUT_ARTICULATED ? ALL_INPUTS : INPUTS;
   N in[inputs], changes[CHANGES];
   Report<N> reported[REPORTED];
+  bool flags[FLAGS];
   for (int i = 0; i < inputs; ++i) {
     T number = static_cast<T>(input[i]);
     double input_error = error[i] + __builtin_fabs(input[i] - static_cast<double>(number));
@@ -41,7 +42,9 @@ INLINE void compute_impact(F impact, const double* input, const double* error, I
     if (input_error > 0) bound += std::numeric_limits<T>::denorm_min();  // the cast may have rounded down
     in[i] = Make<N>::read(number, bound);
   }
-  impact(in, changes, reported, result->flags);
+  impact(in, changes, reported, flags);
+  flags[FLAG_GAINS_ENERGY] = false;  // the error bounds tell more
+  std::copy_n(flags, FLAGS, result->flags);
   T mass[2], trace[2];
   for (int side = 0; side < 2; ++side) {
     const double* body = input + side * BODY;
