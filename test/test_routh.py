@@ -147,6 +147,32 @@ def test_the_bound_of_more_digits_covers_steps_in_floats(family, law):
     assert compared >= 1
 
 
+STIFF = {
+    "35 and 307": ((35.0, 0.0, 0.106, 307.0, -0.524, 1.0), (53.5, -0.29, -1.0), 0.51),
+    "1.2 and 12": (
+        (1.2272363669562472, 0.0, -0.03152744187973586, 11.985931394709885, 0.25340275167905824, 1.0),
+        (2.9765833891760973, 0.10396002502344429, -1.0),
+        0.52727626213374,
+    ),
+}
+"""``K``, ``u`` and friction of slip that turns fast while it hardly slows down: the error estimate of the
+steps vanishes where the error does not."""
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("e", [0.0, 0.5])
+@pytest.mark.parametrize("stiff", STIFF.values(), ids=STIFF)
+def test_the_bound_covers_steps_whose_error_estimate_vanishes(stiff, e, law):
+    (xx, xy, xz, yy, yz, zz), u, mu = stiff
+    n, K = (0.0, 0.0, 1.0), [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+    P, _ = oracle(law, (stiff[0], u, n), e, mu)
+    for tolerance in (0.0, 1e-3, 1e-6, 1e-9, 1e-11):
+        impact = resolve_contact(K, u, n, e, mu, ImpactModel(law, tolerance=tolerance))
+        with mp.workdps(40):
+            error = mp.norm([x - y for x, y in zip(impact.impulse, P, strict=True)])
+            assert error <= impact.error_bound * mp.norm(P), tolerance
+
+
 @pytest.mark.parametrize("law", LAWS)
 def test_everyday_numbers(law):
     outcome = run(law, ((1.0, 0.0, 0.0, 1.0, 0.0, 1.0), (-3.0, -2.1, 0.0), (1.0, 0.7, 0.0)), 0.5, 0.5)

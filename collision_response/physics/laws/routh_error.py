@@ -109,9 +109,10 @@ def path_error(
     e_c = certain(SAFETY * D / choose(slips_on, lambda: sliding_rate, lambda: stopped_rate))
     most_e = certain(e + errors.e)  # e may be wholly uncertain: at the threshold, between 0 and itself
 
+    e_W = certain(D * (most_e * most_e * p_c + p + e_c) - (most_e + e) * errors.e * W_c)
+    e_W = certain(e_W + choose(slips_on, lambda: 0 * A11, lambda: most_e * most_e * early))
+
     def error_by_work() -> Scalar:
-        e_W = certain(D * (most_e * most_e * p_c + p + e_c) - (most_e + e) * errors.e * W_c)
-        e_W = certain(e_W + choose(slips_on, lambda: 0 * A11, lambda: most_e * most_e * early))
         surely_slips = slips_to_end & (least_s > 0)
         least_rate = choose(
             surely_slips, lambda: R, lambda: choose(slips_on, lambda: minimum(R, rate), lambda: rate)
@@ -124,7 +125,8 @@ def path_error(
 
     e_r = choose(energetic, error_by_work, lambda: most_e * e_c + errors.e * p_c)
     e_p, steps = certain(e_c + e_r), y.slip_error + y.impulse_error + early + excess * L2 * P_t
-    is_sound = (e_c >= 0) & (certain(-y.u_n_crest - 2 * D) > 0) & (y.excess_turn <= 0)
+    reaches_ends = (certain(y.crest - 2 * D) > 0) & (certain(c * y.crest_of_work - 2 * e_W) > 0)
+    is_sound = (e_c >= 0) & reaches_ends & (y.excess_turn <= 0)
     is_known = ray.sticks & negation(slips_on & (r <= 1e3 * errors.c))
     is_sound = is_sound & ((errors.c <= 0) | is_known)
     friction = choose(slips_to_end | (after_stop < e_p), lambda: mu, lambda: k)

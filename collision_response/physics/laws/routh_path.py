@@ -8,11 +8,15 @@ of the path is straight to the tolerance, and how far the end of the phase is. T
     dT = d eta / (1 + g_0 eta)        g_0 = g at the beginning of the step
 
 in which slip on a straight path is linear: ``s = s_0 (1 + g_0 eta)``, and ``x = s_0 eta``.
+
+A phase ends where a number, ``u_n`` or the work, reaches a limit. If friction jams, the number may reach it
+and fall back within one step. So where it rises and then falls, the step ends at its crest, unless the crest
+surely stays below.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from ...numbers.operations import (
     Condition,
@@ -25,19 +29,30 @@ from ...numbers.operations import (
     maximum,
     minimum,
     negation,
+    or_one,
     square_root,
     values,
 )
 from .dormand_prince import ERROR_5, ORDER_3, STAGES, TOO_LONG, WEIGHTS, Row, step_error, step_factor
 
+Pair: TypeAlias = tuple[Scalar, Scalar]
+
 STEP_SHARE = 1 / 2
 """The part of the tolerance of the path that each step may use."""
 
-CAUTION = 1 / 20
+CAUTION = 1 / 5
 """Factor of the error estimate, which is 20 to 80 times the true error where slip dies away."""
+
+DECAY = 5e-5
+"""Error of a step, in units of ``z^5`` times its difference from order 3, for slip that decays by
+``exp(-z)``. It is 1.4e-5 where nothing else happens, and more where slip turns, too. Unlike the estimate,
+this does not vanish for some ``z``."""
 
 STEP_ROUNDING = 4e-15
 """Relative rounding error of a step."""
+
+CREST_SHARE = 1 / 100
+"""The part of the tolerance of the path by which a crest of ``u_n`` may be uncertain."""
 
 LONGEST = 0.95
 """The longest step, in units of the step at whose end slip would stop."""
@@ -50,6 +65,48 @@ STEPS = 1000
 
 NEVER = 1e150
 """Stands for infinity."""
+
+
+class Crest(NamedTuple):
+    """The greatest value of a number within a step.
+
+    Attributes:
+        at: the part of the step up to there.
+        height: the value.
+        error: how uncertain it is.
+    """
+
+    at: Scalar
+    height: Scalar
+    error: Scalar
+
+
+class ToEnd(NamedTuple):
+    """A number that is negative until a phase ends, and its first two derivatives by ``x``."""
+
+    value: Scalar
+    slope: Scalar
+    bend: Scalar
+
+    def crest_before(self, end: ToEnd, dx: Scalar) -> tuple[Condition, Crest]:
+        """Whether the number rises and then falls, but is negative at both ends of a step; and its crest.
+
+        The crest is that of the cubic with the same values and slopes at both ends. It is corrected by the
+        polynomial of degree 5 with the same second derivatives, too. What they may add counts as its error.
+        """
+        rises = (self.value < 0) & (end.value < 0) & (self.slope > 0) & (end.slope < 0)
+        mean = (end.value - self.value) / or_one(dx)
+        # The slope of the cubic is slope + b x + a x^2, for x from 0 to 1.
+        a, b = 3 * (self.slope + end.slope - 2 * mean), 6 * mean - 4 * self.slope - 2 * end.slope
+        square = b * b - 4 * a * self.slope
+        both = square_root(maximum(square, 0 * square)) - b
+        x = choose(both > 0, lambda: 2 * self.slope / both, lambda: 0 * both)
+        rest = 1 - x
+        height = self.value + dx * x * (self.slope + x * (b / 2 + x * a / 3))
+        missing = (self.bend * dx - b) * dx * rest / 2, (end.bend * dx - b - 2 * a) * dx * x / 2
+        inside = x * x * rest * rest
+        error = inside * (abs(missing[0]) + abs(missing[1]))
+        return rises, Crest(x, height + inside * (missing[0] + missing[1]), error)
 
 
 class Path(NamedTuple):
@@ -81,6 +138,15 @@ class Path(NamedTuple):
         f2 = self.c * self.b2 - m * (self.A12 * t1 + self.A22 * t2)
         return t1 * f1 + t2 * f2, t1 * f2 - t2 * f1, self.c - m * (self.b1 * t1 + self.b2 * t2)
 
+    def bend_of_u_n(self, t1: Scalar, t2: Scalar, s: Scalar, w: Scalar) -> Scalar:
+        """The second derivative of ``u_n`` by ``x``, for slip ``s t`` that turns at the rate ``w``."""
+        turn = choose(s > 0, lambda: w / s, lambda: 0 * w)  # of t, by x
+        return -self.m * (self.b2 * t1 - self.b1 * t2) * turn
+
+    def fastest_rate(self) -> Scalar:
+        """An upper bound of the rates at which slip changes, relative to itself."""
+        return self.c * (abs(self.b1) + abs(self.b2)) + self.m * (self.A11 + self.A22)
+
     def solve(self, v1: Scalar, v2: Scalar) -> tuple[Scalar, Scalar]:
         """``A^-1 v``: the tangential impulse that changes slip by ``v``."""
         det = self.A11 * self.A22 - self.A12 * self.A12
@@ -98,6 +164,18 @@ class Path(NamedTuple):
     def missing(self, p_c: Scalar, W_c: Scalar, p: Scalar, W: Scalar) -> Scalar:
         """What restitution has yet to return after ``p`` and ``W``: impulse (Poisson) or work (Stronge)."""
         return choose(self.energetic, lambda: -self.e * self.e * W_c - W, lambda: self.e * p_c - p)
+
+    def to_end_of_phase(self, y: TurningSlip, u_n: Scalar, W: Scalar, r: Scalar, bend: Scalar) -> ToEnd:
+        """What is missing to the end of the phase of ``y``: ``u_n`` of compression, work of restitution.
+
+        The impulse that restitution by Poisson misses cannot grow again.
+        """
+        work = -self.missing(y.p_c, y.W_c, 0 * W, W) / self.c
+        return choose(
+            y.p_c <= 0,
+            lambda: ToEnd(u_n, r, bend),
+            lambda: ToEnd(work, choose(self.energetic, lambda: u_n, lambda: 1 + 0 * u_n), r),
+        )
 
     def distance(self, missing: Scalar, u_n: Scalar, rate: Scalar) -> Scalar:
         """Impulse over which a straight path returns ``missing``, while ``u_n`` grows at ``rate``."""
@@ -128,7 +206,8 @@ class TurningSlip(NamedTuple):
         slip_error: error of the slip so far.
         impulse_error: error of the impulses so far, except that caused by ``slip_error``.
         least_s, least_r: the least ``s`` and ``r`` so far.
-        u_n_crest: the greatest ``u_n`` from which compression fell back.
+        crest, crest_of_work: how far the crests that decide when a phase ends are from its end, at least:
+            those of ``u_n`` in compression, and those of the work over ``c`` in restitution.
     """
 
     t1: Scalar
@@ -149,7 +228,8 @@ class TurningSlip(NamedTuple):
     impulse_error: Scalar
     least_s: Scalar
     least_r: Scalar
-    u_n_crest: Scalar
+    crest: Scalar
+    crest_of_work: Scalar
 
 
 def turn(path: Path, t1: Scalar, t2: Scalar, s: Scalar, u_n: Scalar) -> TurningSlip:
@@ -160,14 +240,13 @@ def turn(path: Path, t1: Scalar, t2: Scalar, s: Scalar, u_n: Scalar) -> TurningS
         t1, t2, s: direction and speed of the first slip.
         u_n: normal velocity before the impact.
     """
-    A11, _, A22, b1, b2, c, m, *_ = path
-    o = 0 * A11
-    h = 0.3 / (c * (abs(b1) + abs(b2)) + m * (A11 + A22) + 1e-300)
+    o = 0 * path.A11
+    h = 0.3 / (path.fastest_rate() + 1e-300)
     start = TurningSlip(
         t1, t2, s, u_n, x=o, W=o, P1=o, P2=o, heat=o, p_c=o, W_c=o, h=h, h_end=o, excess_turn=o,
-        slip_error=o, impulse_error=o, least_s=s, least_r=1 + o, u_n_crest=o - 1,
+        slip_error=o, impulse_error=o, least_s=s, least_r=1 + o, crest=1 + o, crest_of_work=NEVER + o,
     )  # fmt: skip
-    exact = path._replace(c=certain(c), m=certain(m))
+    exact = path._replace(c=certain(path.c), m=certain(path.m))
     y = look_ahead(exact, values(start))
     return iterate(y, lambda y: y.excess_turn > 0, lambda y: step(exact, y), STEPS, rounded=True)
 
@@ -180,8 +259,7 @@ def look_ahead(path: Path, y: TurningSlip) -> TurningSlip:
     g, w, r = path.rates(y.t1, y.t2)
     c, m, s, u_n = path.c, path.m, y.s, y.u_n
     never, compressing = NEVER + 0 * r, y.p_c <= 0
-    turn = choose(s > 0, lambda: w / s, lambda: 0 * w)  # of t, by x
-    r_slope = -m * (path.b2 * y.t1 - path.b1 * y.t2) * turn  # dr/dx
+    r_slope = path.bend_of_u_n(y.t1, y.t2, s, w)
 
     def x_to_rest() -> Scalar:  # the root of u_n + r x + r_slope x^2 / 2 = 0
         square = r * r - 2 * r_slope * u_n
@@ -210,13 +288,12 @@ def look_ahead(path: Path, y: TurningSlip) -> TurningSlip:
     far = choose(compressing, lambda: choose(r > 0, x_to_end_of_impact, lambda: never), lambda: abs(x))
     far = choose((s + g * far > 0) | (g >= 0), lambda: far, lambda: s / -g)
     allowed = path.tolerance / 4 * maximum(s, m * path.least_eigenvalue())
-    crest = choose(compressing & (r < 0), lambda: maximum(y.u_n_crest, u_n), lambda: y.u_n_crest)
+    is_past = compressing & (u_n > 0)  # a step leads back
     y = y._replace(
         h_end=h_end,
         excess_turn=m * abs(w) * far - allowed,
-        least_r=minimum(y.least_r, r),
+        least_r=choose(is_past, lambda: y.least_r, lambda: minimum(y.least_r, r)),
         least_s=minimum(y.least_s, s),
-        u_n_crest=crest,
     )
 
     return _keep_direction(path, y, g, w, far, allowed)
@@ -267,7 +344,7 @@ def _keep_direction(
 def step(path: Path, y: TurningSlip) -> TurningSlip:
     """The state after one step; or, if the step is too long, with a smaller ``h``."""
     c, m, b1, b2 = path.c, path.m, path.b1, path.b2
-    one, (g_0, _, _) = 1 + 0 * y.s, path.rates(y.t1, y.t2)
+    one, (g_0, w_0, r_0) = 1 + 0 * y.s, path.rates(y.t1, y.t2)
     h = choose(abs(y.h_end) < y.h, lambda: y.h_end, lambda: y.h)
     h = choose(g_0 * h < -LONGEST, lambda: -LONGEST / g_0, lambda: h)
     decay, mh, ch = g_0 * h, m * h, c * h
@@ -299,22 +376,37 @@ def step(path: Path, y: TurningSlip) -> TurningSlip:
         abs(t1 * e[1] - t2 * e[0]) + abs(e[2]) / safe_s + c * abs(e[3]) / (u_size * u_size)
         for e in (fifth, third)
     )
-    err = CAUTION * step_error(e5, e3)
+    z = path.fastest_rate() * abs(h) * (1 + 1 / (1 + decay)) / 2
+    err = maximum(CAUTION * step_error(e5, e3), DECAY * (z * z) * (z * z) * z * e3)
     allowed = STEP_SHARE * path.tolerance * maximum(one, m * path.least_eigenvalue() / safe_s)
     ratio = choose((s > 0) & (err < 1e3), lambda: err / minimum(allowed, 1e-3 * one), lambda: TOO_LONG * one)
     next_h = abs(h) * step_factor(ratio, one)
     unit = 0.5 * (3 - t1 * t1 - t2 * t2)  # 1 / |t|, as |t| is nearly 1
     relative_error = err + STEP_ROUNDING
+    _, w_1, r_1 = path.rates(t1, t2)
+    W = y.W + c * work
+    to_end = (
+        path.to_end_of_phase(y, y.u_n, y.W, r_0, path.bend_of_u_n(y.t1, y.t2, y.s, w_0)),
+        path.to_end_of_phase(y, u_n, W, r_1, path.bend_of_u_n(t1, t2, s, w_1)),
+    )
+    rises, crest = to_end[0].crest_before(to_end[1], dx)
+    fine, distance = CREST_SHARE * path.tolerance, -crest.height - crest.error
+    is_missed = rises & (distance < 0) & ((crest.height > fine) | (crest.error > fine))
 
     def accepted() -> TurningSlip:
         return y._replace(
-            t1=t1 * unit, t2=t2 * unit, s=s, u_n=u_n, x=y.x + dx, W=y.W + c * work,
+            t1=t1 * unit, t2=t2 * unit, s=s, u_n=u_n, x=y.x + dx, W=W,
             P1=y.P1 - m * P1, P2=y.P2 - m * P2, heat=y.heat + m * heat, h=maximum(next_h, y.h),
             slip_error=y.slip_error + relative_error * maximum(s, y.s),
             impulse_error=y.impulse_error + relative_error * abs(dx),
+            crest=choose(rises & (y.p_c <= 0), lambda: minimum(y.crest, distance), lambda: y.crest),
+            crest_of_work=choose(
+                rises & (y.p_c > 0), lambda: minimum(y.crest_of_work, distance), lambda: y.crest_of_work
+            ),
         )  # fmt: skip
 
-    after = choose(ratio <= 1, accepted, lambda: y._replace(h=next_h))
+    shorter = choose(ratio <= 1, lambda: crest.at * h, lambda: next_h)
+    after = choose((ratio <= 1) & negation(is_missed), accepted, lambda: y._replace(h=shorter))
     return look_ahead(path, _restitution_if_near(path, after))
 
 
@@ -324,6 +416,7 @@ def _restitution_if_near(path: Path, y: TurningSlip) -> TurningSlip:
     g, w, r = path.rates(y.t1, y.t2)
     x = choose(r > 0, lambda: -y.u_n / r, lambda: NEVER + 0 * r)
     a, change = w * x / y.s, (abs(w) + abs(g)) * abs(x)  # the turn, and how far slip changes
+    bend = path.bend_of_u_n(y.t1, y.t2, y.s, w)
 
     def begin() -> TurningSlip:
         return y._replace(
@@ -332,6 +425,7 @@ def _restitution_if_near(path: Path, y: TurningSlip) -> TurningSlip:
             p_c=c * (y.x + x), W_c=y.W + c * x * y.u_n / 2,
             slip_error=y.slip_error + change * change / y.s,
             impulse_error=y.impulse_error + change * abs(x) / y.s,
+            crest=choose(bend < 0, lambda: minimum(y.crest, r * r / (-2 * bend)), lambda: y.crest),
         )  # fmt: skip
 
     allowed = path.tolerance / 20 * y.s
