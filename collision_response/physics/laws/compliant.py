@@ -254,7 +254,8 @@ def _error(
     """
     A11, A12, A22, b1, b2, s, _, mu, kappa, e, _ = springs
     o, one = 0 * A11, 1 + 0 * A11
-    u_n, plastic = abs(springs.velocity(P_t.x, P_t.y, P_n)[2]), e < LEAST_RESTITUTION
+    (w1, w2, w_n), plastic = springs.velocity(P_t.x, P_t.y, P_n), e < LEAST_RESTITUTION
+    u_n = abs(w_n)
     # det / minors is a lower bound of the least eigenvalue of K.
     minors = A11 * A22 - A12 * A12 + A11 - b1 * b1 + A22 - b2 * b2
     det = A11 * (A22 - b2 * b2) - A12 * (A12 - b1 * b2) + b1 * (A12 * b2 - A22 * b1)
@@ -276,7 +277,11 @@ def _error(
     missed = choose(capped, lambda: kappa * (1 + s * s) / (root * root * mu), lambda: missed)
     rate = choose(plastic, lambda: y.F + b1 * F1 + b2 * F2, lambda: one)
     rate = choose(capped, lambda: u_n / (e * e), lambda: rate)
-    known = known & (rate > 0) & (size > E)
+    # u_n then reaches 0 surely, if it rises beyond by more than its error, and did not do so before.
+    turn = choose(y.slips > 0, lambda: y.a1 * w2 - y.a2 * w1, lambda: one)
+    bend = choose(y.slips > 0, lambda: (b2 * y.a1 - b1 * y.a2) * turn, lambda: b1 * w1 + b2 * w2)
+    is_sure = (y.crest > 2 * E) & (rate * rate > 4 * E * kappa * bend)
+    known = known & (rate > 0) & (size > E) & (negation(plastic) | is_sure)
     missed = missed / or_one(rate)
     return E, choose(known, lambda: E / root + missed, lambda: math.inf + o)
 
@@ -319,5 +324,5 @@ def _start(springs: Springs) -> State:
     weighted = square_root(choose(slips, springs.weight, lambda: one))
     return State(
         a1, a2, F, -mu * P * slip, -mu * P * turned * slip, P, slip, o, F, h, one, one, weighted,
-        step_error=ignored, has_stuck=sticks, has_jammed=o,
+        step_error=ignored, has_stuck=sticks, has_jammed=o, crest=one,
     )  # fmt: skip

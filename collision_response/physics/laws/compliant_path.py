@@ -6,7 +6,8 @@ is positive until the event that ends it:
     stick      mu F_n - |F_t|        slip         lambda
     loading    -u_n                  unloading    F_max - F_n
 
-A step that leads past an event is repeated with a shorter length until it ends at the event, to ``EVENT``.
+A step that leads past an event is repeated with a shorter length until it ends at the event, to ``EVENT``. A
+number may also dip and rise again within a step. If the dip goes near 0, the step ends at its bottom.
 """
 
 from __future__ import annotations
@@ -29,9 +30,16 @@ from ...numbers.operations import (
     varying_as,
 )
 from .dormand_prince import ERROR_5, ORDER_3, STAGES, TOO_LONG, WEIGHTS, Row, step_error, step_factor
+from .hermite import Cubic
 
 EVENT = 2.0**-48
 """How far past the event a step may end, in units of the terms that make up the number of the event."""
+
+NEAR = 1 / 5
+"""A dip goes near 0 if its bottom is less than this part of the number at the ends of the step."""
+
+AT_BOTTOM = 1 - 2.0**-13
+"""The part of a step after which a dip is at its end."""
 
 END = 1e-8
 """Normal force, relative to its maximum, at which the rest of the path counts as straight."""
@@ -148,6 +156,7 @@ class State(NamedTuple):
         weighted: a second bound of that factor, from a norm in which errors of ``F`` weigh more during slip.
         step_error: the sum of the errors of the steps.
         has_stuck, has_jammed: whether it ever stuck, and whether friction ever pressed the bodies together.
+        crest: how far ``u_n`` was from 0, at least, where it rose and then fell during loading.
     """
 
     a1: Scalar
@@ -166,6 +175,7 @@ class State(NamedTuple):
     step_error: Scalar
     has_stuck: Scalar
     has_jammed: Scalar
+    crest: Scalar
 
 
 class Event(NamedTuple):
@@ -322,7 +332,8 @@ def step(springs: Springs, y: State) -> State:
     h, F = trial.h, trial.end[2]
     # The first event within the step, if there is one.
     before, after = motion.events(*y[:6]), motion.events(*trial.end)
-    to = [_step_to(first, last, h) for first, last in zip(before, after, strict=True)]
+    dips = [Dip.of(first, last, h) for first, last in zip(before, after, strict=True)]
+    to = [_step_to(*events, h) for events in zip(before, after, dips, strict=True)]
     fell, one = F < 0, 1 + 0 * F
     to.append(
         choose(fell, lambda: 0.98 * h * y.F / choose(fell, lambda: y.F - F, lambda: one), lambda: 2 * h)
@@ -332,7 +343,9 @@ def step(springs: Springs, y: State) -> State:
     passed = (nearest < h) & is_fine
     again = choose(is_fine, lambda: nearest, lambda: trial.next_h)
     is_accepted = is_fine & negation(passed)
-    return choose(is_accepted, lambda: _accepted(motion, y, trial, after), lambda: y._replace(h=again))
+    return choose(
+        is_accepted, lambda: _accepted(motion, y, trial, after, dips[1]), lambda: y._replace(h=again)
+    )
 
 
 def _try_step(motion: Motion, y: State) -> Trial:
@@ -362,10 +375,10 @@ def _try_step(motion: Motion, y: State) -> Trial:
     return Trial(h, end, error, scale, ratio, h * step_factor(ratio, one))
 
 
-def _accepted(motion: Motion, y: State, trial: Trial, events: list[Event]) -> State:
+def _accepted(motion: Motion, y: State, trial: Trial, events: list[Event], dip: Dip) -> State:
     """The state after a step from ``y`` that is short enough.
 
-    If it ends at one of the events, another motion begins.
+    If it ends at one of the events, another motion begins. ``dip`` is that of the second.
     """
     springs, slips, end = motion.springs, motion.slips, trial.end
     mu, one, zero = springs.mu, 1 + 0 * y.F, 0 * y.F
@@ -398,6 +411,7 @@ def _accepted(motion: Motion, y: State, trial: Trial, events: list[Event]) -> St
     error = mu * maximum(y.F, F) * trial.h * maximum(motion.before.error, spring.error)
     missed = missed + choose(follows, lambda: motion.missed + error, lambda: zero)
     pressed = (y.unloads < 1) & (u_n < springs.velocity(y.P1, y.P2, y.Pn)[2])
+    crests = (y.unloads < 1) & dip.exists
     return State(
         b1, b2, F, P1, P2, Pn, now, unloads_now, F_max,
         choose(begins, lambda: trial.next_h * springs.e, lambda: trial.next_h),
@@ -406,6 +420,7 @@ def _accepted(motion: Motion, y: State, trial: Trial, events: list[Event]) -> St
         y.step_error + (trial.error + STEP_ROUNDING) * trial.scale + missed,
         choose(now > 0, lambda: y.has_stuck, lambda: one),
         choose(pressed, lambda: one, lambda: y.has_jammed),
+        choose(crests, lambda: minimum(y.crest, dip.low * motion.normal_terms), lambda: y.crest),
     )  # fmt: skip
 
 
@@ -468,7 +483,33 @@ def _exponential(x: Scalar) -> Scalar:
     return power
 
 
-def _step_to(first: Event, last: Event, h: Scalar) -> Scalar:
+class Dip(NamedTuple):
+    """Where the number of an event is least in a step, if it falls and rises again.
+
+    Attributes:
+        exists: whether it does so.
+        at: the part of the step up to there.
+        low: the number there, by Hermite's cubic.
+    """
+
+    exists: Condition
+    at: Scalar
+    low: Scalar
+
+    @classmethod
+    def of(cls, first: Event, last: Event, h: Scalar) -> Dip:
+        """The dip between the number at the beginning and at the end of a step."""
+        exists = (first.slope < 0) & (last.slope > 0) & (last.value > 0)
+        cubic = Cubic.between(-first.value, -first.slope, -last.value, -last.slope, h)
+        at = choose(exists, cubic.crest, lambda: 0 * h)
+        return cls(exists, at, -cubic.at(at))
+
+    def is_near_zero(self, first: Event, last: Event) -> Condition:
+        """Whether the number may pass 0 in the dip, between these ends."""
+        return self.exists & (self.low < NEAR * minimum(first.value, last.value))
+
+
+def _step_to(first: Event, last: Event, dip: Dip, h: Scalar) -> Scalar:
     """The length of the step that ends at the event; ``2 h`` if there is none within ``h``."""
     never = 2 * h
     # Newton's step back from the end, if it stays within the step; else the chord.
@@ -477,23 +518,9 @@ def _step_to(first: Event, last: Event, h: Scalar) -> Scalar:
     chord = h * first.value / or_one(first.value - last.value)
     inside = (last.slope < 0) & (back > 0) & (back < h)
     guess = choose(inside, lambda: back, lambda: maximum(minimum(chord, 0.9 * h), 0.1 * h))
-    # Both ends are positive, with a dip in between: the minimum of the cubic.
-    dips = (first.slope < 0) & (last.slope > 0) & (last.value > 0)
-    fall = choose(
-        dips,
-        lambda: -first.slope / choose(dips, lambda: last.slope - first.slope, lambda: 1 + 0 * h),
-        lambda: 0 * h,
-    )
-    low = _cubic(first, last, h, fall)
     passed = choose(last.value < -EVENT, lambda: guess, lambda: never)
-    return choose(dips & (low < 0) & (fall < 0.99), lambda: fall * h, lambda: passed)
-
-
-def _cubic(first: Event, last: Event, h: Scalar, s: Scalar) -> Scalar:
-    """Hermite's cubic interpolation at the time ``s h``."""
-    r = 1 - s
-    ends = first.value * (r * r * (1 + 2 * s)) + last.value * (s * s * (3 - 2 * s))
-    return ends + h * (first.slope * (s * r * r) - last.slope * (s * s * r))
+    # Where a step ends at the bottom, rounding may keep the dip within.
+    return choose(dip.is_near_zero(first, last) & (dip.at < AT_BOTTOM), lambda: dip.at * h, lambda: passed)
 
 
 def _error_norm(e: list[Scalar], motion: Motion) -> Scalar:

@@ -29,11 +29,11 @@ from ...numbers.operations import (
     maximum,
     minimum,
     negation,
-    or_one,
     square_root,
     values,
 )
 from .dormand_prince import ERROR_5, ORDER_3, STAGES, TOO_LONG, WEIGHTS, Row, step_error, step_factor
+from .hermite import Cubic
 
 Pair: TypeAlias = tuple[Scalar, Scalar]
 
@@ -95,18 +95,19 @@ class ToEnd(NamedTuple):
         polynomial of degree 5 with the same second derivatives, too. What they may add counts as its error.
         """
         rises = (self.value < 0) & (end.value < 0) & (self.slope > 0) & (end.slope < 0)
-        mean = (end.value - self.value) / or_one(dx)
-        # The slope of the cubic is slope + b x + a x^2, for x from 0 to 1.
-        a, b = 3 * (self.slope + end.slope - 2 * mean), 6 * mean - 4 * self.slope - 2 * end.slope
-        square = b * b - 4 * a * self.slope
-        both = square_root(maximum(square, 0 * square)) - b
-        x = choose(both > 0, lambda: 2 * self.slope / both, lambda: 0 * both)
+        cubic = Cubic.between(self.value, self.slope, end.value, end.slope, dx)
+        x = cubic.crest()
         rest = 1 - x
-        height = self.value + dx * x * (self.slope + x * (b / 2 + x * a / 3))
-        missing = (self.bend * dx - b) * dx * rest / 2, (end.bend * dx - b - 2 * a) * dx * x / 2
+        missing = (
+            (self.bend * dx - cubic.b) * dx * rest / 2,
+            (end.bend * dx - cubic.b - 2 * cubic.a) * dx * x / 2,
+        )
         inside = x * x * rest * rest
-        error = inside * (abs(missing[0]) + abs(missing[1]))
-        return rises, Crest(x, height + inside * (missing[0] + missing[1]), error)
+        height, error = (
+            cubic.at(x) + inside * (missing[0] + missing[1]),
+            inside * (abs(missing[0]) + abs(missing[1])),
+        )
+        return rises, Crest(x, height, error)
 
 
 class Path(NamedTuple):

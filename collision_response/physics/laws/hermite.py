@@ -1,0 +1,40 @@
+"""Hermite's cubic: what a number does within a step, from its values and slopes at both ends."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ...numbers.operations import Scalar, choose, maximum, or_one, square_root
+
+
+class Cubic(NamedTuple):
+    """The cubic ``value + h x (slope + b x / 2 + a x^2 / 3)`` for a step of length ``h``.
+
+    ``x`` goes from 0 to 1 over the step. The slope is ``slope + b x + a x^2``.
+    """
+
+    value: Scalar
+    slope: Scalar
+    b: Scalar
+    a: Scalar
+    h: Scalar
+
+    @classmethod
+    def between(
+        cls, value: Scalar, slope: Scalar, last_value: Scalar, last_slope: Scalar, h: Scalar
+    ) -> Cubic:
+        """The cubic with these values and slopes at the ends of a step."""
+        mean = (last_value - value) / or_one(h)
+        return cls(
+            value, slope, 6 * mean - 4 * slope - 2 * last_slope, 3 * (slope + last_slope - 2 * mean), h
+        )
+
+    def at(self, x: Scalar) -> Scalar:
+        """The value at ``x``."""
+        return self.value + self.h * x * (self.slope + x * (self.b / 2 + x * self.a / 3))
+
+    def crest(self) -> Scalar:
+        """Where it is greatest, if it rises at ``x = 0`` and falls at ``x = 1``."""
+        square = self.b * self.b - 4 * self.a * self.slope
+        both = square_root(maximum(square, 0 * square)) - self.b
+        return choose(both > 0, lambda: 2 * self.slope / both, lambda: 0 * both)
