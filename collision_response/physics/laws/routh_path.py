@@ -67,20 +67,6 @@ NEVER = 1e150
 """Stands for infinity."""
 
 
-class Crest(NamedTuple):
-    """The greatest value of a number within a step.
-
-    Attributes:
-        at: the part of the step up to there.
-        height: the value.
-        error: how uncertain it is.
-    """
-
-    at: Scalar
-    height: Scalar
-    error: Scalar
-
-
 class ToEnd(NamedTuple):
     """A number that is negative until a phase ends, and its first two derivatives by ``x``."""
 
@@ -88,26 +74,49 @@ class ToEnd(NamedTuple):
     slope: Scalar
     bend: Scalar
 
-    def crest_before(self, end: ToEnd, dx: Scalar) -> tuple[Condition, Crest]:
-        """Whether the number rises and then falls, but is negative at both ends of a step; and its crest.
 
-        The crest is that of the cubic with the same values and slopes at both ends. It is corrected by the
-        polynomial of degree 5 with the same second derivatives, too. What they may add counts as its error.
+class Crest(NamedTuple):
+    """The greatest value of a number that rises and then falls within a step.
+
+    Attributes:
+        exists: whether the number does so, and is negative at both ends.
+        at: the part of the step up to the crest.
+        height: the value there.
+        error: how uncertain it is.
+    """
+
+    exists: Condition
+    at: Scalar
+    height: Scalar
+    error: Scalar
+
+    @classmethod
+    def between(cls, first: ToEnd, last: ToEnd, dx: Scalar) -> Crest:
+        """The crest of the cubic with the same values and slopes at both ends of a step.
+
+        It is corrected by the polynomial of degree 5 with the same second derivatives, too. What they may add
+        counts as its error.
         """
-        rises = (self.value < 0) & (end.value < 0) & (self.slope > 0) & (end.slope < 0)
-        cubic = Cubic.between(self.value, self.slope, end.value, end.slope, dx)
+        cubic = Cubic.between(first.value, first.slope, last.value, last.slope, dx)
         x = cubic.crest()
         rest = 1 - x
-        missing = (
-            (self.bend * dx - cubic.b) * dx * rest / 2,
-            (end.bend * dx - cubic.b - 2 * cubic.a) * dx * x / 2,
-        )
+        by_first = (first.bend * dx - cubic.b) * dx * rest / 2
+        by_last = (last.bend * dx - cubic.b - 2 * cubic.a) * dx * x / 2
         inside = x * x * rest * rest
-        height, error = (
-            cubic.at(x) + inside * (missing[0] + missing[1]),
-            inside * (abs(missing[0]) + abs(missing[1])),
+        return cls(
+            exists=(first.value < 0) & (last.value < 0) & (first.slope > 0) & (last.slope < 0),
+            at=x,
+            height=cubic.at(x) + inside * (by_first + by_last),
+            error=inside * (abs(by_first) + abs(by_last)),
         )
-        return rises, Crest(x, height, error)
+
+    def below_zero(self) -> Scalar:
+        """How far below 0 it is, at least."""
+        return -self.height - self.error
+
+    def is_missed(self, fine: Scalar) -> Condition:
+        """Whether the crest may be above 0 by more than ``fine``."""
+        return self.exists & (self.below_zero() < 0) & ((self.height > fine) | (self.error > fine))
 
 
 class Path(NamedTuple):
@@ -166,16 +175,17 @@ class Path(NamedTuple):
         """What restitution has yet to return after ``p`` and ``W``: impulse (Poisson) or work (Stronge)."""
         return choose(self.energetic, lambda: -self.e * self.e * W_c - W, lambda: self.e * p_c - p)
 
-    def to_end_of_phase(self, y: TurningSlip, u_n: Scalar, W: Scalar, r: Scalar, bend: Scalar) -> ToEnd:
-        """What is missing to the end of the phase of ``y``: ``u_n`` of compression, work of restitution.
+    def to_end_of_phase(self, y: TurningSlip) -> ToEnd:
+        """What is missing to the end of a phase: ``u_n`` in compression, work over ``c`` in restitution.
 
         The impulse that restitution by Poisson misses cannot grow again.
         """
-        work = -self.missing(y.p_c, y.W_c, 0 * W, W) / self.c
+        _, w, r = self.rates(y.t1, y.t2)
+        work = -self.missing(y.p_c, y.W_c, 0 * y.W, y.W) / self.c
         return choose(
             y.p_c <= 0,
-            lambda: ToEnd(u_n, r, bend),
-            lambda: ToEnd(work, choose(self.energetic, lambda: u_n, lambda: 1 + 0 * u_n), r),
+            lambda: ToEnd(y.u_n, r, self.bend_of_u_n(y.t1, y.t2, y.s, w)),
+            lambda: ToEnd(work, choose(self.energetic, lambda: y.u_n, lambda: 1 + 0 * y.u_n), r),
         )
 
     def distance(self, missing: Scalar, u_n: Scalar, rate: Scalar) -> Scalar:
@@ -345,7 +355,7 @@ def _keep_direction(
 def step(path: Path, y: TurningSlip) -> TurningSlip:
     """The state after one step; or, if the step is too long, with a smaller ``h``."""
     c, m, b1, b2 = path.c, path.m, path.b1, path.b2
-    one, (g_0, w_0, r_0) = 1 + 0 * y.s, path.rates(y.t1, y.t2)
+    one, (g_0, _, _) = 1 + 0 * y.s, path.rates(y.t1, y.t2)
     h = choose(abs(y.h_end) < y.h, lambda: y.h_end, lambda: y.h)
     h = choose(g_0 * h < -LONGEST, lambda: -LONGEST / g_0, lambda: h)
     decay, mh, ch = g_0 * h, m * h, c * h
@@ -384,31 +394,31 @@ def step(path: Path, y: TurningSlip) -> TurningSlip:
     next_h = abs(h) * step_factor(ratio, one)
     unit = 0.5 * (3 - t1 * t1 - t2 * t2)  # 1 / |t|, as |t| is nearly 1
     relative_error = err + STEP_ROUNDING
-    _, w_1, r_1 = path.rates(t1, t2)
-    W = y.W + c * work
-    to_end = (
-        path.to_end_of_phase(y, y.u_n, y.W, r_0, path.bend_of_u_n(y.t1, y.t2, y.s, w_0)),
-        path.to_end_of_phase(y, u_n, W, r_1, path.bend_of_u_n(t1, t2, s, w_1)),
+    moved = y._replace(
+        t1=t1 * unit, t2=t2 * unit, s=s, u_n=u_n, x=y.x + dx, W=y.W + c * work,
+        P1=y.P1 - m * P1, P2=y.P2 - m * P2, heat=y.heat + m * heat, h=maximum(next_h, y.h),
+        slip_error=y.slip_error + relative_error * maximum(s, y.s),
+        impulse_error=y.impulse_error + relative_error * abs(dx),
+    )  # fmt: skip
+    crest = Crest.between(path.to_end_of_phase(y), path.to_end_of_phase(moved), dx)
+    is_fine, is_missed = ratio <= 1, crest.is_missed(CREST_SHARE * path.tolerance)
+    shorter = choose(is_fine, lambda: crest.at * h, lambda: next_h)
+    after = choose(
+        is_fine & negation(is_missed), lambda: _with_crest(moved, crest), lambda: y._replace(h=shorter)
     )
-    rises, crest = to_end[0].crest_before(to_end[1], dx)
-    fine, distance = CREST_SHARE * path.tolerance, -crest.height - crest.error
-    is_missed = rises & (distance < 0) & ((crest.height > fine) | (crest.error > fine))
-
-    def accepted() -> TurningSlip:
-        return y._replace(
-            t1=t1 * unit, t2=t2 * unit, s=s, u_n=u_n, x=y.x + dx, W=W,
-            P1=y.P1 - m * P1, P2=y.P2 - m * P2, heat=y.heat + m * heat, h=maximum(next_h, y.h),
-            slip_error=y.slip_error + relative_error * maximum(s, y.s),
-            impulse_error=y.impulse_error + relative_error * abs(dx),
-            crest=choose(rises & (y.p_c <= 0), lambda: minimum(y.crest, distance), lambda: y.crest),
-            crest_of_work=choose(
-                rises & (y.p_c > 0), lambda: minimum(y.crest_of_work, distance), lambda: y.crest_of_work
-            ),
-        )  # fmt: skip
-
-    shorter = choose(ratio <= 1, lambda: crest.at * h, lambda: next_h)
-    after = choose((ratio <= 1) & negation(is_missed), accepted, lambda: y._replace(h=shorter))
     return look_ahead(path, _restitution_if_near(path, after))
+
+
+def _with_crest(y: TurningSlip, crest: Crest) -> TurningSlip:
+    """The state after a step with this crest."""
+
+    def least(so_far: Scalar, counts: Condition) -> Scalar:
+        return choose(counts, lambda: minimum(so_far, crest.below_zero()), lambda: so_far)
+
+    return y._replace(
+        crest=least(y.crest, crest.exists & (y.p_c <= 0)),
+        crest_of_work=least(y.crest_of_work, crest.exists & (y.p_c > 0)),
+    )
 
 
 def _restitution_if_near(path: Path, y: TurningSlip) -> TurningSlip:
