@@ -15,7 +15,7 @@ The bodies and the contact must be valid by :mod:`~collision_response.validity`.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from .numbers.operations import (
     Condition,
@@ -186,14 +186,14 @@ def impact(
     result = evaluate_law(kinematics, Coefficients(contact.restitution, friction, settings), law)
     approaching, below_threshold, e, outcome, impulse = result
 
-    moving = kinematics.moving_part(impulse)
+    moving = _moving_part(kinematics, impulse, friction)
     if outcome.normal_factor is None:
         change_a, change_b = kinematics.twist_changes(moving)
     else:
         j = result.if_approaching(outcome.normal_factor)
         change_a, change_b = kinematics.twist_changes_along_normal(impulse, j)
     after_a, after_b = with_change(body_a, change_a), with_change(body_b, change_b)
-    u_after = kinematics.u + kinematics.velocity_change(change_a, change_b)
+    u_after = kinematics.whole_u() + kinematics.velocity_change(change_a, change_b)
     normal_impulse = impulse.dot(n) / length
     tangential = impulse - n * (normal_impulse / length)
     report = Report(
@@ -235,6 +235,13 @@ def impact(
     error = outcome.estimated_error
     estimated_error = error and Changes(error, *kinematics.twist_changes(error))
     return ImpactNumbers(Changes(impulse, change_a, change_b), report, flags, estimated_error)
+
+
+def _moving_part(contact: ContactKinematics, impulse: Vec3, friction: Any) -> Vec3:
+    """The part of an impulse that counts: all of it without friction, where ``u`` may have a locked part."""
+    if callable(friction):
+        return contact.moving_part(impulse)
+    return choose(friction > 0, lambda: contact.moving_part(impulse), lambda: impulse)
 
 
 def evaluate_law(contact: ContactKinematics, coefficients: Coefficients, law: Law) -> LawResult:
@@ -314,7 +321,7 @@ def _is_unphysical(
     n, (work, speed) = contact.n, contact.tolerated_error(P)
     n_P, nn = n.dot(P), n.dot(n)
     tangential = P * nn - n * n_P
-    gains_energy = P.dot(contact.u + u_after) > work
+    gains_energy = P.dot(contact.whole_u() + u_after) > work
     pulls = n_P < 0
     leaves_cone = tangential.dot(tangential) > mu * mu * n_P * n_P * nn
     fault = gains_energy | pulls | leaves_cone

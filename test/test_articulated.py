@@ -869,3 +869,30 @@ def test_halves_of_a_matrix_in_numbers_of_different_types_are_averaged():
         for given in (matrix, [[1, 0.1, 0], [0.1, 1, 0], [0, 0, 1]])
     )
     assert mixed.impulse == pytest.approx(floats.impulse, abs=1e-15)  # 0.1 is rounded in one of them
+
+
+@pytest.mark.parametrize("law", [law for law in Law if law not in (Law.AUTO, Law.COMPLIANT)], ids=str)
+@pytest.mark.parametrize("precision", [Precision.DOUBLE, Precision.EXTENDED], ids=str)
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("u", [(0.0, 0.0, -1.0), (0.0, -4.0, -1.0)])
+def test_without_friction_a_velocity_that_no_impulse_stops_counts_in_the_energy(u, e, precision, law):
+    """Impulses along (0, 3, 4) move nothing; this ``u`` has a component along it, which stays."""
+    K = [[25.0, 0.0, 0.0], [0.0, 16.0, -12.0], [0.0, -12.0, 9.0]]
+    impact = resolve_contact(K, u, (0, 0, 1), e, 0.0, ImpactModel(law, precision=precision))
+    assert impact.status is StatusCode.OK
+    assert impact.impulse == pytest.approx((0.0, 0.0, (1 + e) / 9))
+    assert impact.velocity_after == pytest.approx((0.0, u[1] - 12 * (1 + e) / 9, e))
+    assert impact.energy_change == pytest.approx((e * e - 1) / 18)
+    assert impact.energy_lost_restitution == pytest.approx((1 - e * e) / 18)
+
+
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+def test_a_moving_wall_strikes_a_link_that_is_guided_on_an_incline(e):
+    """The wall moves as the link cannot, so the relative velocity has a component that stays."""
+    J = np.array([[1.0, 0.0], [0.0, 0.8], [0.0, -0.6]])
+    M = np.zeros((6, 6))
+    M[:3, :3] = J @ J.T
+    wall, contact = Body.kinematic(velocity=(0.0, 0.0, 1.0)), Contact.of((0, 0, 0), (0, 0, 1), e)
+    impact = resolve(Body.articulated(M), wall, contact)
+    assert impact.normal_velocity_after == pytest.approx(e, abs=1e-15)
+    assert impact.twist_a.linear.z - impact.twist_b.linear.z == pytest.approx(e, abs=1e-15)

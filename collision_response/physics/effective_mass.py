@@ -265,6 +265,10 @@ class ContactKinematics(NamedTuple):
         locked_u = found._locked_directions(found._possibly_singular_K()) @ found.u
         return found._replace(u=found.u - locked_u, locked_u=locked_u)
 
+    def whole_u(self) -> Vec3:
+        """``u`` with ``locked_u``."""
+        return self.u + self.locked_u if self.locked_u else self.u
+
     def is_rigid(self) -> bool:
         """Whether neither body is a link of a mechanism."""
         return not (self.body_a.link_inverse_inertia or self.body_b.link_inverse_inertia)
@@ -342,7 +346,7 @@ class ContactKinematics(NamedTuple):
         """
         if not self.locked_u:
             return True
-        a, b, u = self.body_a.velocity_from_spin(), self.body_b.velocity_from_spin(), self.u + self.locked_u
+        a, b, u = self.body_a.velocity_from_spin(), self.body_b.velocity_from_spin(), self.whole_u()
         locked_u = Vec3(*_scaled(*self.locked_u, *u, *(u - (a - b)), *a, *b)[:3])
         K = self._possibly_singular_K()
         turn = CANCELLATION * K.trace() / or_one(K.least_nonzero_eigenvalue(self._rounding_of_K()))
