@@ -16,12 +16,14 @@
 The rows of ``bodies`` and ``contacts`` are listed in :mod:`~collision_response.batch.rows`. The numbers are
 those of :func:`~collision_response.resolve`, to the bit. With a tolerance every contact gets an error bound,
 and is computed again with more digits where ``resolve`` would do so. Without a tolerance there is no bound,
-and AUTO precision stays in DOUBLE, even where ``resolve`` would notice that DOUBLE is not enough. Only an
-answer that gains energy by more than rounding is left to ``resolve``, and is TOLERANCE_NOT_MET if that knows
-no bound either. MOREAU and Routh's laws then take a slip that is nothing but rounding for a slip, and may
-differ in the last bits and the regime, or where ``resolve`` has no bound.
-So may numbers near the ends of float64's range, also with a tolerance: ``resolve`` changes to other units
-where an energy overflows, a batch without a report has no energies.
+and AUTO precision stays in DOUBLE, even where ``resolve`` would notice that DOUBLE is not enough. MOREAU and
+Routh's laws then take a slip that is nothing but rounding for a slip: they may differ from ``resolve`` in the
+last bits and the regime, and altogether where that has no bound. But an answer that gains energy by more than
+rounding is left to ``resolve``, and has the status TOLERANCE_NOT_MET if that knows no bound either.
+
+Numbers near the ends of float64's range may differ, too, also with a tolerance: ``resolve`` changes to other
+units where an energy overflows, a batch without a report has no energies.
+
 A contact that cannot be resolved gets its own status and NaN for results; it does not affect the others.
 """
 
