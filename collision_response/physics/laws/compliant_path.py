@@ -333,7 +333,7 @@ def step(springs: Springs, y: State) -> State:
     # The first event within the step, if there is one.
     before, after = motion.events(*y[:6]), motion.events(*trial.end)
     dips = [Dip.of(first, last, h) for first, last in zip(before, after, strict=True)]
-    to = [_step_to(*events, h) for events in zip(before, after, dips, strict=True)]
+    to = [_step_to(first, last, dip, h) for first, last, dip in zip(before, after, dips, strict=True)]
     fell, one = F < 0, 1 + 0 * F
     to.append(
         choose(fell, lambda: 0.98 * h * y.F / choose(fell, lambda: y.F - F, lambda: one), lambda: 2 * h)
