@@ -30,6 +30,7 @@ from .numbers.operations import (
     negation,
     square_root,
     values,
+    widened,
 )
 from .physics.body import Body, Twist
 from .physics.contact import Contact
@@ -264,7 +265,16 @@ def evaluate_law(contact: ContactKinematics, coefficients: Coefficients, law: La
     if law in NEEDS_FREE_SLIP and laws is LAWS and not contact.is_rigid():
         outcome = _or_coulomb(contact, coefficients, outcome)
     impulse = choose(approaching, lambda: outcome.impulse, lambda: n * 0)
+    if not contact.is_rigid():
+        impulse = _with_locked_part(contact, impulse, coefficients.friction)
     return LawResult(approaching, below_threshold, e, outcome, impulse)
+
+
+def _with_locked_part(contact: ContactKinematics, impulse: Vec3, friction: Any) -> Vec3:
+    """Give an impulse the error of a mechanism whose ``u`` is partly along locked directions."""
+    part = contact.locked_part_of_approach()
+    acts = callable(friction) or friction > 0
+    return impulse * widened(1 + 0 * part, choose(acts, lambda: part, lambda: 0 * part))
 
 
 def has_no_free_slip(contact: ContactKinematics, friction: Scalar) -> Condition:

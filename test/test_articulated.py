@@ -896,3 +896,21 @@ def test_a_moving_wall_strikes_a_link_that_is_guided_on_an_incline(e):
     impact = resolve(Body.articulated(M), wall, contact)
     assert impact.normal_velocity_after == pytest.approx(e, abs=1e-15)
     assert impact.twist_a.linear.z - impact.twist_b.linear.z == pytest.approx(e, abs=1e-15)
+
+
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU, Law.ROUTH_POISSON, Law.ROUTH_STRONGE], ids=str)
+@pytest.mark.parametrize("precision", [Precision.AUTO, Precision.EXTENDED], ids=str)
+@pytest.mark.parametrize("approach", [0.0, 2.0**-18, 2.0**-10, 1.0])
+@pytest.mark.parametrize("friction", [1e-9, 0.3, 2.0])
+def test_a_small_locked_part_of_a_slow_approach_is_in_the_bound(friction, approach, precision, law):
+    """It passes for rounding of a fast slip, though it may be half of the normal velocity.
+
+    Impulses along (1, 0, -1) move nothing, so none stops that part.
+    """
+    locked = 2.0**-21
+    K, u = [[1, 0, 1], [0, 2.0**30, 0], [1, 0, 1]], (-approach, 1.0, -approach - 2 * locked)
+    part = locked / (approach + 2 * locked)
+    impact = resolve_contact(K, u, (0, 0, 1), 0.5, friction, ImpactModel(law, precision=precision))
+    assert impact.error_bound >= part
+    frictionless = resolve_contact(K, u, (0, 0, 1), 0.5, 0.0, ImpactModel(law, precision=precision))
+    assert frictionless.error_bound < 1e-14

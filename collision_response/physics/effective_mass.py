@@ -313,6 +313,16 @@ class ContactKinematics(NamedTuple):
         change = SYMMETRY_TOLERANCE * terms * size + 2 * self.locked_u.norm()
         return change * size, change * self.n.norm()
 
+    def locked_part_of_approach(self) -> Scalar:
+        """The part of ``n_u`` that is along locked directions, as ``|n.locked_u / n_u|``; 0 for rigid bodies.
+
+        Friction acts on ``u``, which lacks it. The ``u`` that was meant may have all of ``n_u`` along
+        directions that move; the impulse, which is proportional to ``u``, would then be greater by this part.
+        """
+        if not self.locked_u:
+            return 0
+        return certain(abs(self.n.dot(self.locked_u)) / or_one(abs(self.n_u)))
+
     def is_movable_along_normal(self) -> Condition:
         """Whether an impulse along the normal moves the contact."""
         n, K = Vec3(*_scaled(*self.n)), self._possibly_singular_K()
