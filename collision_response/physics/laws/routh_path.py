@@ -354,37 +354,21 @@ def _keep_direction(
 
 def step(path: Path, y: TurningSlip) -> TurningSlip:
     """The state after one step; or, if the step is too long, with a smaller ``h``."""
-    c, m, b1, b2 = path.c, path.m, path.b1, path.b2
-    one, (g_0, _, _) = 1 + 0 * y.s, path.rates(y.t1, y.t2)
+    m, one, (g_0, _, _) = path.m, 1 + 0 * y.s, path.rates(y.t1, y.t2)
     h = choose(abs(y.h_end) < y.h, lambda: y.h_end, lambda: y.h)
     h = choose(g_0 * h < -LONGEST, lambda: -LONGEST / g_0, lambda: h)
-    decay, mh, ch = g_0 * h, m * h, c * h
-    A11, A12, A22, f1, f2 = mh * path.A11, mh * path.A12, mh * path.A22, ch * b1, ch * b2
-    mb1, mb2 = m * b1, m * b2
-    slopes: list[tuple[Scalar, ...]] = []
-
-    def total(row: Row, i: int) -> Scalar:
-        return add_up(weight * slopes[j][i] for j, weight in row)
-
-    # The slopes of t1, t2, s, u_n, x, W / c, -P1 / m, -P2 / m and heat / m, times h.
-    start = (y.t1, y.t2, y.s, y.u_n)
-    for row in ((), *STAGES):
-        t1, t2, s, u_n = (v + total(row, i) for i, v in enumerate(start)) if row else start
-        pace = 1 / (1 + decay * add_up(weight for _, weight in row)) if row else one  # dT / d eta
-        h1, h2, hs = f1 - A11 * t1 - A12 * t2, f2 - A12 * t1 - A22 * t2, pace * s
-        w, dx = pace * (t1 * h2 - t2 * h1), h * hs
-        du = dx * (c - mb1 * t1 - mb2 * t2)
-        slopes.append((-w * t2, w * t1, hs * (t1 * h1 + t2 * h2), du, dx, dx * u_n, dx * t1, dx * t2, dx * s))
-    rises = [total(WEIGHTS, i) for i in range(9)]
-    t1, t2, s, u_n = (v + rise for v, rise in zip(start, rises[:4], strict=True))
+    decay = g_0 * h
+    slopes = _slopes(path, y, h, decay)
+    rises = [_total(slopes, WEIGHTS, i) for i in range(9)]
+    t1, t2, s, u_n = (v + rise for v, rise in zip((y.t1, y.t2, y.s, y.u_n), rises[:4], strict=True))
     dx, work, P1, P2, heat = rises[4:]
 
     safe_s = choose(s > 0, lambda: s, lambda: y.s)
-    fifth = [total(ERROR_5, i) for i in (0, 1, 2, 5)]
-    third = [rises[i] - total(ORDER_3, i) for i in (0, 1, 2, 5)]
+    fifth = [_total(slopes, ERROR_5, i) for i in (0, 1, 2, 5)]
+    third = [rises[i] - _total(slopes, ORDER_3, i) for i in (0, 1, 2, 5)]
     u_size = maximum(one, maximum(abs(y.u_n), abs(u_n)))  # u_n exceeds 1 if friction jams
     e5, e3 = (
-        abs(t1 * e[1] - t2 * e[0]) + abs(e[2]) / safe_s + c * abs(e[3]) / (u_size * u_size)
+        abs(t1 * e[1] - t2 * e[0]) + abs(e[2]) / safe_s + path.c * abs(e[3]) / (u_size * u_size)
         for e in (fifth, third)
     )
     z = path.fastest_rate() * abs(h) * (1 + 1 / (1 + decay)) / 2
@@ -395,7 +379,7 @@ def step(path: Path, y: TurningSlip) -> TurningSlip:
     unit = 0.5 * (3 - t1 * t1 - t2 * t2)  # 1 / |t|, as |t| is nearly 1
     relative_error = err + STEP_ROUNDING
     moved = y._replace(
-        t1=t1 * unit, t2=t2 * unit, s=s, u_n=u_n, x=y.x + dx, W=y.W + c * work,
+        t1=t1 * unit, t2=t2 * unit, s=s, u_n=u_n, x=y.x + dx, W=y.W + path.c * work,
         P1=y.P1 - m * P1, P2=y.P2 - m * P2, heat=y.heat + m * heat, h=maximum(next_h, y.h),
         slip_error=y.slip_error + relative_error * maximum(s, y.s),
         impulse_error=y.impulse_error + relative_error * abs(dx),
@@ -407,6 +391,32 @@ def step(path: Path, y: TurningSlip) -> TurningSlip:
         is_fine & negation(is_missed), lambda: _with_crest(moved, crest), lambda: y._replace(h=shorter)
     )
     return look_ahead(path, _restitution_if_near(path, after))
+
+
+def _slopes(path: Path, y: TurningSlip, h: Scalar, decay: Scalar) -> list[tuple[Scalar, ...]]:
+    """The slopes at the stages of a step, times its length ``h``.
+
+    They are those of ``t1, t2, s, u_n, x, W / c, -P1 / m, -P2 / m`` and ``heat / m``. ``decay`` is ``g_0 h``.
+    """
+    c, m, b1, b2 = path.c, path.m, path.b1, path.b2
+    mh, ch = m * h, c * h
+    A11, A12, A22, f1, f2 = mh * path.A11, mh * path.A12, mh * path.A22, ch * b1, ch * b2
+    mb1, mb2 = m * b1, m * b2
+    slopes: list[tuple[Scalar, ...]] = []
+    start = (y.t1, y.t2, y.s, y.u_n)
+    for row in ((), *STAGES):
+        t1, t2, s, u_n = (v + _total(slopes, row, i) for i, v in enumerate(start)) if row else start
+        pace = 1 / (1 + decay * add_up(weight for _, weight in row)) if row else 1 + 0 * y.s  # dT / d eta
+        h1, h2, hs = f1 - A11 * t1 - A12 * t2, f2 - A12 * t1 - A22 * t2, pace * s
+        w, dx = pace * (t1 * h2 - t2 * h1), h * hs
+        du = dx * (c - mb1 * t1 - mb2 * t2)
+        slopes.append((-w * t2, w * t1, hs * (t1 * h1 + t2 * h2), du, dx, dx * u_n, dx * t1, dx * t2, dx * s))
+    return slopes
+
+
+def _total(slopes: list[tuple[Scalar, ...]], row: Row, i: int) -> Scalar:
+    """The sum that a row of ``dormand_prince.py`` stands for, of the slopes of the number ``i``."""
+    return add_up(weight * slopes[j][i] for j, weight in row)
 
 
 def _with_crest(y: TurningSlip, crest: Crest) -> TurningSlip:
