@@ -22,12 +22,14 @@
 // The error bound is an estimate. P obeys the conditions exactly for velocities that differ a little: see off(). The
 // equations are solved again for velocities that differ by more, and for other Q, and the greatest change of y counts. If
 // y changes with Q, a load can be shared in several ways that differ in their effect: then the bound is infinite. So it is
-// if P creeps, or contacts lock. Of solutions that lie apart, the bound knows nothing.
+// if P creeps, or contacts lock. Of solutions that lie apart, the bound knows nothing. Contacts whose normal impulses act
+// along one line share a load by their friction alone; they are told apart in tries of their own.
 //
 // Source: Alart & Curnier, "A Mixed Formulation for Frictional Contact Problems Prone to Newton like Solution Methods",
 // Comput. Methods Appl. Mech. Eng. 92 (1991).
 #include "coulomb_conditions.hpp"
 
+#include <algorithm>
 #include <optional>
 
 #include "contact_cones.hpp"
@@ -87,24 +89,46 @@ class Conditions {
     return most;
   }
 
-  // The same equations for velocities that differ by about `size`, and for a Q that differs from P by about this `part`, also
-  // where P is 0, by amounts that do not depend on the order of contacts.
-  bool solve_nearby(double size, double part, double phase) {
+  // How equations differ: velocities by about `size`, and Q from P by about this `part`, also where P is 0. The amounts
+  // depend on how the normal impulse of a contact acts, or all contacts are `told_apart`.
+  struct Change {
+    double size, part, phase;
+    bool told_apart;
+  };
+
+  // The same equations, changed, by amounts that do not depend on the order of contacts.
+  bool solve_nearby(const Change& by) {
     budget = multiplications() + budget / 4;
     const double greatest_load = greatest();
+    std::vector<double> angle(cones.size());
+    if (by.told_apart) angle = angles();
+    auto amount = [&](size_t i, int k) {
+      return by.told_apart ? std::sin(angle[i] + k + by.phase) : uneven(cones[i], k, by.phase);
+    };
     for (size_t i = 0; i < cones.size(); ++i) {
       Cone<double>& cone = cones[i];
-      for (int k = 0; k < (cone.mu > 0 ? 3 : 1); ++k) cone.w[k] += size * uneven(cone, k, phase);
+      for (int k = 0; k < (cone.mu > 0 ? 3 : 1); ++k) cone.w[k] += by.size * amount(i, k);
       from[i] = P[i];
-      for (double& one : from[i]) one *= 1 + part * uneven(cone, 0, phase);
-      if (!(P[i][0] > 0)) from[i][0] = part * greatest_load * std::fabs(uneven(cone, 0, phase));
+      for (double& one : from[i]) one *= 1 + by.part * amount(i, 0);
+      if (!(P[i][0] > 0)) from[i][0] = by.part * greatest_load * std::fabs(amount(i, 0));
     }
     // Velocities that differ change P by rho times as much.
     const double unit = std::fmax(1, greatest_load);
-    if (!proximal_step(std::fmin(HARD, std::log10(0.01 * unit / std::fabs(size))))) return false;
+    if (!proximal_step(std::fmin(HARD, std::log10(0.01 * unit / std::fabs(by.size))))) return false;
     // Such velocities hardly ever allow an exact P, where contacts share a load.
-    sharpen(size == 0 ? PATIENCE : 1);
+    sharpen(by.size == 0 ? PATIENCE : 1);
     return true;
+  }
+
+  // Whether contacts that carry a load with friction act along one line.
+  bool share_a_line() const {
+    const std::vector<size_t> sorted = sorted_by_line();
+    for (size_t k = 1; k < sorted.size(); ++k) {
+      const size_t i = sorted[k - 1], j = sorted[k];
+      const bool matter = (P[i][0] > 0 || P[j][0] > 0) && (cones[i].mu > 0 || cones[j].mu > 0);
+      if (matter && act_along_one_line(cones[i], cones[j])) return true;
+    }
+    return false;
   }
 
   double greatest() const {
@@ -151,13 +175,54 @@ class Conditions {
     return std::fmin(parts, std::hypot(u[0], std::fmin(slip, slides))) + rounding;
   }
 
-  // From -1 to 1, by where and how a contact acts.
-  static double uneven(const Cone<double>& cone, int axis, double phase) {
-    constexpr double FREQUENCY = 50;  // contacts that act a little differently get other numbers
+  // By how the impulses of a contact along an axis act.
+  static double place(const Cone<double>& cone, int axis) {
     double sum = 0;
     for (const auto& side : cone.row)
       for (int k = 0; k < 6; ++k) sum += std::sqrt(k + 2.0) * side[axis][k];
-    return std::sin(FREQUENCY * sum + phase);
+    return sum;
+  }
+
+  // From -1 to 1, the same for impulses that act alike.
+  static double uneven(const Cone<double>& cone, int axis, double phase) {
+    constexpr double FREQUENCY = 50;  // contacts that act a little differently get other numbers
+    return std::sin(FREQUENCY * place(cone, axis) + phase);
+  }
+
+  // The contacts on one line one after the other, sorted by their friction.
+  std::vector<size_t> sorted_by_line() const {
+    using Key = std::array<double, 6>;
+    std::vector<std::pair<Key, size_t>> keys;
+    for (size_t i = 0; i < cones.size(); ++i) {
+      const Cone<double>& cone = cones[i];
+      keys.push_back({{place(cone, 0), cone.mu, cone.w[1], cone.w[2], place(cone, 1), place(cone, 2)}, i});
+    }
+    std::sort(keys.begin(), keys.end());
+    std::vector<size_t> sorted;
+    for (const auto& [key, i] : keys) sorted.push_back(i);
+    return sorted;
+  }
+
+  // Of each contact, far from those of others on its line.
+  std::vector<double> angles() const {
+    constexpr double GOLDEN = 2.399963229728653;  // the golden angle
+    std::vector<double> angle(cones.size());
+    const std::vector<size_t> sorted = sorted_by_line();
+    for (size_t k = 0; k < sorted.size(); ++k) angle[sorted[k]] = GOLDEN * static_cast<double>(k);
+    return angle;
+  }
+
+  // Whether the normal impulses of two contacts nearly have the same effect.
+  static bool act_along_one_line(const Cone<double>& one, const Cone<double>& other) {
+    constexpr double NEARLY = 1e-6;  // far below the differences that uneven() tells apart
+    double apart = 0;
+    for (int side = 0; side < 2; ++side) {
+      if (one.body[side] < 0) continue;
+      const int same = one.body[side] == other.body[0] ? 0 : 1;
+      if (one.body[side] != other.body[same]) return false;
+      for (int k = 0; k < 6; ++k) apart = std::fmax(apart, std::fabs(one.row[side][0][k] - other.row[same][0][k]));
+    }
+    return apart < NEARLY;
   }
 
   // P and the residual y - B^T P at some y. Returns the length of this.
@@ -337,9 +402,9 @@ double motion_error(const Conditions& solved, double turned, bool on_faces) {
   const double greatest = solved.greatest(), unit = std::fmax(1, greatest), off = solved.off();
   if (off > (on_faces ? CREEPING : EXACT) * unit) return INFINITY;  // P that creep have unknown limits
   const double farther = std::fmax(FARTHER * std::fmax(off, ROUNDING * unit), turned);
-  auto nearby = [&](double size, double part, double phase) -> std::optional<Conditions> {
+  auto nearby = [&](const Conditions::Change& by) -> std::optional<Conditions> {
     Conditions other = solved;
-    if (!other.solve_nearby(size, part, phase)) return {};
+    if (!other.solve_nearby(by)) return {};
     return other;
   };
   auto distance = [&](const Conditions& other) {
@@ -347,37 +412,44 @@ double motion_error(const Conditions& solved, double turned, bool on_faces) {
     increase(by, -1, solved.y);
     return length_of(by);
   };
+  const int kinds = solved.share_a_line() ? 2 : 1;  // of changes
   double most = 0;
-  bool is_known = false;
-  for (int k = 0; k < TRIES; ++k)
-    for (double size : {-farther, farther})
-      if (const auto other = nearby(size, 0, k)) {
-        most = std::fmax(most, distance(*other));
-        is_known = true;
-      }
-  if (!is_known) return INFINITY;
+  for (int kind = 0; kind < kinds; ++kind) {
+    bool is_known = false;
+    for (int k = 0; k < TRIES; ++k)
+      for (double size : {-farther, farther})
+        if (const auto other = nearby({size, 0, 1.0 * k, kind > 0})) {
+          most = std::fmax(most, distance(*other));
+          is_known = true;
+        }
+    if (!is_known) return INFINITY;
+  }
 
   constexpr double SEVERAL = 1e-3, APART = 10;  // changes of y: of shares that matter, and of solutions that lie apart
   constexpr double SLIGHT = 1e-6;  // change of velocities, which must not decide where P that creep end
   const bool do_creep = off > EXACT * unit;
   for (int k = 0; k < TRIES && do_creep; ++k)
     for (double size : {-SLIGHT, SLIGHT})
-      if (const auto other = nearby(size, 0, k); other && distance(*other) > SEVERAL * greatest) return INFINITY;
+      if (const auto other = nearby({size, 0, 1.0 * k, false}); other && distance(*other) > SEVERAL * greatest)
+        return INFINITY;
 
   constexpr double OTHER = 0.01;  // relative change of the shares
   constexpr double EXCESS = 10;  // of a change of y over what this explains
-  is_known = false;
-  for (int k = 0; k < TRIES; ++k) {
-    const auto other = nearby(0, OTHER, k);
-    if (!other || other->off() > farther) continue;
-    is_known = true;
-    const double change = distance(*other), by_shares = change / OTHER;
-    if (change < EXCESS * other->off() / farther * most || by_shares > APART * greatest) continue;
-    if (by_shares > std::fmax(SEVERAL * greatest, most)) return INFINITY;
-    most = std::fmax(most, by_shares);
+  for (int kind = 0; kind < kinds; ++kind) {
+    bool is_known = false;
+    for (int k = 0; k < TRIES; ++k) {
+      const auto other = nearby({0, OTHER, 1.0 * k, kind > 0});
+      if (!other || other->off() > farther) continue;
+      is_known = true;
+      const double change = distance(*other), by_shares = change / OTHER;
+      if (change < EXCESS * other->off() / farther * most || by_shares > APART * greatest) continue;
+      if (by_shares > std::fmax(SEVERAL * greatest, most)) return INFINITY;
+      most = std::fmax(most, by_shares);
+    }
+    if (!is_known) return INFINITY;
   }
   if (do_creep) most = std::fmax(most, LEAST_OF_CREEPING);
-  return is_known ? CAUTION * most : INFINITY;
+  return CAUTION * most;
 }
 
 // An impulse along given axes, along the own axes of the contact; in its own cone.
