@@ -417,10 +417,14 @@ contact: {{normal: {{z: 1}}, restitution: 0.5}}"""
         assert end.value.code == 2
         assert "argument --service: invalid service_name value" in capsys.readouterr().err
 
-    def test_an_invalid_service_name_is_refused(self, ros_domain, capsys):
-        assert main(["call", "{}", "--service", "a b"]) == 2
+    @pytest.mark.parametrize(
+        ("name", "message"),
+        [("a b", "Invalid service name"), ("{x}", "topic name '{x}' is invalid: unknown substitution: {x}")],
+    )
+    def test_an_invalid_service_name_is_refused(self, ros_domain, capsys, name, message):
+        assert main(["call", "{}", "--service", name]) == 2
         (line,) = capsys.readouterr().err.splitlines()
-        assert line.startswith("collision_response call: --service: Invalid service name")
+        assert line.startswith(f"collision_response call: --service: {message}")
 
     def test_without_a_node_it_says_how_to_start_one(self, ros_domain, capsys):
         assert main(["call", "{}", "--service", "/nobody", "--timeout", "0.1"]) == 3

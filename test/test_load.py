@@ -195,6 +195,14 @@ def test_a_scene_of_too_many_bodies_is_refused_by_name(shared_node):
     assert status.message == f"bodies: has {MAX_BODIES + 1}; a scene may have {MAX_BODIES}"
 
 
+def test_a_scene_of_too_many_names_is_refused_by_name(shared_node):
+    request = crowd(2)
+    request.names = "\n" * MAX_BODIES
+    status = shared_node.call(request).result.status
+    assert status.code == StatusCode.BUDGET_EXCEEDED
+    assert status.message == f"names: has {MAX_BODIES + 1}; a scene may have {MAX_BODIES}"
+
+
 def test_a_batch_of_too_many_contacts_is_refused_by_name(graph):
     logged = graph.log()
     graph.serve(budget__contacts=10)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import os
 import re
 import shlex
 import subprocess
@@ -666,6 +667,18 @@ class TestReport:
             assert Fraction(row["kinetic_energy_after"]) == pytest.approx(
                 Fraction(impact.kinetic_energy_after)
             )
+
+    def test_names_of_files_that_are_no_text(self, all_kinds, tmp_path, capsys):
+        """The page and the table may have one; rerun reads no such recording."""
+        odd = tmp_path / os.fsdecode(b"odd\xff")
+        page, table, copy = (odd.with_suffix(suffix) for suffix in (".html", ".csv", ".rrd"))
+        assert main(["report", str(all_kinds), "--html", str(page), "--csv", str(table)]) == 0
+        assert page.exists() and len(table.read_text().splitlines()) > 1
+        copy.write_bytes(all_kinds.read_bytes())
+        for command in ("report", "replay"):
+            assert main([command, str(copy)]) == 2
+            said = capsys.readouterr().err
+            assert said.endswith("odd\\udcff.rrd: rerun reads no file whose name is not UTF-8\n")
 
     @pytest.mark.parametrize("sizes", [(7, 6), (6, 7), (6, 6), (1, 8)])
     def test_the_csv_table_has_rows_of_several_versions(self, recording, tmp_path, sizes):

@@ -180,10 +180,18 @@ def _number(where: str, value: Any, kind: str) -> float:
         raise InvalidRequest(f"{where}: must be {must}, is {format_value(value)}") from None
 
 
+def _client(node: Any, kind: Any, service: str) -> Any:
+    try:
+        return node.create_client(kind, service, qos_profile=QoSProfile(history=HistoryPolicy.KEEP_ALL))
+    except ValueError as error:  # of a name with braces
+        raise InvalidRequest(f"--service: {str(error).split(', at ')[0]}") from None
+
+
 def answer(kind: Any, request: Any, service: str, timeout: float) -> Any:
     """Send a request and return the response.
 
     Raises:
+        InvalidRequest, NameValidationException: if the service cannot have this name.
         TimeoutError: if there is no response within the timeout [s].
         RCLError: if ROS cannot be used.
     """
@@ -192,9 +200,7 @@ def answer(kind: Any, request: Any, service: str, timeout: float) -> Any:
     node = None
     try:
         node = rclpy.create_node("collision_response_call")
-        client: Any = node.create_client(
-            kind, service, qos_profile=QoSProfile(history=HistoryPolicy.KEEP_ALL)
-        )
+        client = _client(node, kind, service)
         end = time.monotonic() + timeout
         if not client.wait_for_service(timeout):
             others = [

@@ -47,9 +47,9 @@ def main(arguments: list[str]) -> int:
             write_csv(impacts, given.csv)
     except OSError as error:
         return _failed(f"cannot write {writing}: {error.strerror or error}")
-    print(f"\nplots: {target}")
+    print(f"\nplots: {format_name(str(target))}")
     if given.csv is not None:
-        print(f"table: {given.csv}")
+        print(f"table: {format_name(str(given.csv))}")
     return 0
 
 
@@ -86,4 +86,5 @@ def write_csv(impacts: Any, target: Path) -> None:
                 flat[f"{name}.{i}"] = compute.list_element(column, i)
         else:
             flat[name] = column
-    csv.write_csv(pa.table(flat), target)
+    with target.open("wb") as file:
+        csv.write_csv(pa.table(flat), file)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from .. import Body, Contact, Geometry, ImpactError, ImpactModel, Law, Precision, resolve
-from ..answer import NUMBERS
+from ..answer import NUMBERS, format_name
 from ..body_numbers import ROWS, body_from_numbers, body_to_numbers
 from ..in_python.coefficients_at_speed import approach_speed, restitutions_at_speeds
 from ..model import ENUMERATIONS
@@ -188,12 +188,15 @@ def open_complete(path: Path | str) -> RrdReader:
 
     Raises:
         RuntimeError: if it cannot be read.
-        ValueError: if it is not complete.
+        ValueError: if it is not complete, or its name is not UTF-8.
     """
     with warnings.catch_warnings():  # rerun only warns if a file was cut off between two of its chunks
         warnings.filterwarnings("error", "RRD file has no footer", RerunWarning)
         try:
             return RrdReader(str(path))
+        except UnicodeEncodeError:
+            name = format_name(str(path))
+            raise ValueError(f"{name}: rerun reads no file whose name is not UTF-8") from None
         except RerunWarning:
             why = "is not complete, as after a crash or while it is being written"
             recovered = Path(path).with_name(f"recovered_{Path(path).name}")

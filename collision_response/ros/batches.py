@@ -49,13 +49,13 @@ class BatchBodies(NamedTuple):
     Attributes:
         table: a column for each body, shape ``(rows, bodies)``.
         codes: for each body UNSET, or the :class:`StatusCode` that says why it cannot be used.
-        errors: the errors of bodies that cannot be used.
+        unusable: why bodies cannot be used; empty if all can.
         stamps, ages: of the state of each body given by name, as in ``StateFinder.find``.
     """
 
     table: Array
     codes: Array
-    errors: list[ImpactError]
+    unusable: str
     stamps: list[Time]
     ages: list[float]
 
@@ -89,17 +89,18 @@ class BatchService:
         table, contacts = table_of(request, layout), contacts_of(request, layout, pairs.shape[1])
         model = convert.model_of(request.model, parameters.model._replace(geometry=layout.geometry))
         plan = plan_for(table, contacts, model, pairs)
-        look_up = partial(bodies_of, request, table, layout, finder, parameters.budget_contacts)
+        names = names_of(request, parameters.budget_contacts)
+        look_up = partial(bodies_of, names, table, layout, finder)
         bodies = yield from finder.wait(look_up)
 
         response = Response()
         out = result_in(response, plan.result_fields(pairs.shape[1], request.report), zeros_in)
         yield from compute(BatchRequest(plan, bodies.table, pairs, contacts), out)
 
-        if bodies.errors:
+        if bodies.unusable:
             write_codes(pairs, bodies.codes, out.status)
         response.success, response.code, response.header = True, int(StatusCode.OK), request.header
-        response.message = summary_of(bodies.errors)
+        response.message = bodies.unusable
         response.state_stamps, response.state_ages = bodies.stamps, array("d", bodies.ages)
         convert.write_model(response.model, plan.model)
         return StatusCode.OK, response
@@ -184,32 +185,38 @@ def table_of(request: Request, layout: Layout) -> Array:
     return table
 
 
-def bodies_of(
-    request: Request, table: Array, layout: Layout, finder: StateFinder, max_contacts: int
-) -> Steps[BatchBodies]:
-    """Collect the bodies of a request: those of the table, then the latest states of those given by name.
-
-    A body given by name that cannot be used is no error: the others are used.
+def names_of(request: Request, max_contacts: int) -> list[str]:
+    """Names of the bodies of a request that are given by name.
 
     Raises:
-        StateNotYetReceived: if a body has no state that is recent enough.
         ImpactError: BUDGET_EXCEEDED if there are too many names; as ``check_names``.
     """
-    count, number = table.shape[1], number_of_names(request)
-    max_names = 2 * max_contacts
+    number, max_names = number_of_names(request), 2 * max_contacts
     if number > max_names:
         reason = (
             f"holds {number} names; budget.contacts is {max_contacts}, and that many contacts have at most "
             f"{max_names} bodies"
         )
         raise ImpactError(StatusCode.BUDGET_EXCEEDED, "names", reason)
+    names = request.names.split("\n") if number else []
+    check_names(names)
+    return names
+
+
+def bodies_of(names: list[str], table: Array, layout: Layout, finder: StateFinder) -> Steps[BatchBodies]:
+    """Collect the bodies of a request: those of the table, then the latest states of those given by name.
+
+    A body given by name that cannot be used is no error: the others are used.
+
+    Raises:
+        StateNotYetReceived: if a body has no state that is recent enough.
+    """
+    count, number = table.shape[1], len(names)
     codes = np.zeros(count + number, np.uint8)
     if not number:
-        return BatchBodies(table, codes, [], [], [])
-    names = request.names.split("\n")
-    check_names(names)
-    columns, errors = np.full((len(table), len(names)), math.nan), []
-    stamps, ages = [Time()] * len(names), [math.nan] * len(names)
+        return BatchBodies(table, codes, "", [], [])
+    columns, first_error = np.full((len(table), number), math.nan), ""
+    stamps, ages = [Time()] * number, [math.nan] * number
     for i, name in enumerate(names):
         if not i % BODIES_PER_STEP:
             yield None
@@ -222,9 +229,10 @@ def bodies_of(
         except StateNotYetReceived:
             raise
         except ImpactError as error:
-            errors.append(error)
+            first_error = first_error or convert.error_text(error)
             codes[count + i] = error.code
-    return BatchBodies(np.concatenate([table, columns], axis=1), codes, errors, stamps, ages)
+    unusable = summary_of(first_error, np.count_nonzero(codes))
+    return BatchBodies(np.concatenate([table, columns], axis=1), codes, unusable, stamps, ages)
 
 
 def _column(owner: str, state: BodyState, layout: Layout) -> list[float]:
@@ -259,9 +267,6 @@ def write_codes(pairs: Array, codes: Array, status: Array) -> None:
     np.copyto(status, code, where=(code != StatusCode.UNSET) & (status != StatusCode.SAME_BODY))
 
 
-def summary_of(errors: list[ImpactError]) -> str:
+def summary_of(first_error: str, count: int) -> str:
     """Text of the first error, and the number of bodies that cannot be used if there are more."""
-    if not errors:
-        return ""
-    first = convert.error_text(errors[0])
-    return first if len(errors) == 1 else f"{first}; {len(errors)} bodies in all cannot be used"
+    return first_error if count < 2 else f"{first_error}; {count} bodies in all cannot be used"

@@ -169,10 +169,10 @@ def bodies_of(request: ResolveScene.Request, finder: StateFinder) -> Steps[list[
     """
     table = table_in("bodies", request.bodies, ROWS)
     count = table.shape[1]
-    most = max(count, number_of_names(request))
-    if most > MAX_BODIES:
-        reason = f"has {most}; a scene may have {MAX_BODIES}"
-        raise ImpactError(StatusCode.BUDGET_EXCEEDED, "bodies", reason)
+    for holder, number in (("bodies", count), ("names", number_of_names(request))):
+        if number > MAX_BODIES:
+            reason = f"has {number}; a scene may have {MAX_BODIES}"
+            raise ImpactError(StatusCode.BUDGET_EXCEEDED, holder, reason)
     names = request.names.split("\n") if request.names else [f"body {i}" for i in range(count)]
     if len(names) < count:
         reason = f"must be empty, or have a line for each of the {count} bodies at least; has {len(names)}"
