@@ -231,7 +231,7 @@ def bodies_of(names: list[str], table: Array, layout: Layout, finder: StateFinde
         except ImpactError as error:
             first_error = first_error or convert.error_text(error)
             codes[count + i] = error.code
-    unusable = summary_of(first_error, np.count_nonzero(codes))
+    unusable = summary_of(first_error, int(np.count_nonzero(codes)))
     return BatchBodies(np.concatenate([table, columns], axis=1), codes, unusable, stamps, ages)
 
 
