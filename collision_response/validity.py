@@ -98,7 +98,7 @@ def _articulated_rules(kinematics: ContactKinematics, contact: Contact) -> Itera
         kinematics.is_movable_along_normal(),
         StatusCode.INVALID_NORMAL,
         "contact.normal",
-        "must be a direction in which an impulse moves the contact: n.K n is 0",
+        "must be a direction in which an impulse moves the contact: n.K n is 0, or rounding",
     )
     yield Rule(
         (contact.friction == 0) | (kinematics.n_u >= 0) | kinematics.can_come_to_rest(),

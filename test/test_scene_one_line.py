@@ -84,6 +84,20 @@ def test_moreau_covers_every_share_of_a_load_between_contacts_at_other_heights(h
         assert distance(scene, answer, alone) <= answer.error_bound + alone.error_bound
 
 
+@pytest.mark.parametrize("apart", [0.0, 1e-12, 1e-8, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1])
+def test_moreau_knows_no_bound_where_pairs_of_contacts_near_each_other_share_a_load(apart):
+    """At each edge of a box that slides, one contact is three times as rough as the other."""
+    box = Body.box(1.0, (1, 1, 1), position=(0, 0, 0.5), velocity=(2.0, 0, -1.0))
+    contacts = [
+        Contact.of((x + offset, 0, 0), (0, 0, 1), 0.0, mu)
+        for x in (-0.5, 0.5)
+        for offset, mu in ((0, 0.1), (apart, 0.3))
+    ]
+    scene = Scene([box, Body.static()], [(0, 1)] * 4, contacts)
+    for one in (scene, shuffled(scene, 3)[0]):
+        assert one.resolve(Law.MOREAU).error_bound == float("inf")
+
+
 @pytest.mark.parametrize("apart", [1e-9, 1e-6, 1e-3])
 def test_moreau_finds_the_contact_that_friction_presses(apart):
     """Friction turns the ball forward: the contact in front has all of the load."""

@@ -22,8 +22,8 @@
 // The error bound is an estimate. P obeys the conditions exactly for velocities that differ a little: see off(). The
 // equations are solved again for velocities that differ by more, and for other Q, and the greatest change of y counts. If
 // y changes with Q, a load can be shared in several ways that differ in their effect: then the bound is infinite. So it is
-// if P creeps, or contacts lock. Of solutions that lie apart, the bound knows nothing. Contacts whose normal impulses act
-// along one line share a load by their friction alone; they are told apart in tries of their own.
+// if P creeps, or contacts lock. Of solutions that lie apart, the bound knows nothing. Contacts that act along one line, but
+// for their friction, are told apart in tries of their own.
 //
 // Source: Alart & Curnier, "A Mixed Formulation for Frictional Contact Problems Prone to Newton like Solution Methods",
 // Comput. Methods Appl. Mech. Eng. 92 (1991).
@@ -120,14 +120,14 @@ class Conditions {
     return true;
   }
 
-  // Whether contacts that carry a load with friction act along one line.
+  // Whether contacts that carry a load act nearly along one line, but for their friction.
   bool share_a_line() const {
     const std::vector<size_t> sorted = sorted_by_line();
-    for (size_t k = 1; k < sorted.size(); ++k) {
-      const size_t i = sorted[k - 1], j = sorted[k];
-      const bool matter = (P[i][0] > 0 || P[j][0] > 0) && (cones[i].mu > 0 || cones[j].mu > 0);
-      if (matter && act_along_one_line(cones[i], cones[j])) return true;
-    }
+    for (size_t k = 0; k < sorted.size(); ++k)
+      for (size_t l = k + 1; l < sorted.size() && have_same_bodies(cones[sorted[k]], cones[sorted[l]]); ++l) {
+        const size_t i = sorted[k], j = sorted[l];
+        if ((P[i][0] > 0 || P[j][0] > 0) && differ_in_friction(cones[i], cones[j])) return true;
+      }
     return false;
   }
 
@@ -189,13 +189,19 @@ class Conditions {
     return std::sin(FREQUENCY * place(cone, axis) + phase);
   }
 
-  // The contacts on one line one after the other, sorted by their friction.
+  static std::pair<int, int> bodies_of(const Cone<double>& cone) { return std::minmax({cone.body[0], cone.body[1]}); }
+  static bool have_same_bodies(const Cone<double>& one, const Cone<double>& other) {
+    return bodies_of(one) == bodies_of(other);
+  }
+
+  // The contacts of two bodies one after the other, and of these the contacts on one line, sorted by their friction.
   std::vector<size_t> sorted_by_line() const {
-    using Key = std::array<double, 6>;
+    using Key = std::pair<std::pair<int, int>, std::array<double, 6>>;
     std::vector<std::pair<Key, size_t>> keys;
     for (size_t i = 0; i < cones.size(); ++i) {
       const Cone<double>& cone = cones[i];
-      keys.push_back({{place(cone, 0), cone.mu, cone.w[1], cone.w[2], place(cone, 1), place(cone, 2)}, i});
+      const Key key{bodies_of(cone), {place(cone, 0), cone.mu, cone.w[1], cone.w[2], place(cone, 1), place(cone, 2)}};
+      keys.push_back({key, i});
     }
     std::sort(keys.begin(), keys.end());
     std::vector<size_t> sorted;
@@ -212,17 +218,23 @@ class Conditions {
     return angle;
   }
 
-  // Whether the normal impulses of two contacts nearly have the same effect.
-  static bool act_along_one_line(const Cone<double>& one, const Cone<double>& other) {
-    constexpr double NEARLY = 1e-6;  // far below the differences that uneven() tells apart
-    double apart = 0;
+  // Whether the normal impulses of two contacts of the same bodies nearly have the same effect, and their friction has not.
+  static bool differ_in_friction(const Cone<double>& one, const Cone<double>& other) {
+    constexpr double NEARLY = 0.03;  // uneven() tells apart what differs by more
+    constexpr double MORE = 10;
+    if (!(one.mu > 0 || other.mu > 0)) return false;
+    double apart = 0, friction = std::fabs(one.mu - other.mu);
     for (int side = 0; side < 2; ++side) {
       if (one.body[side] < 0) continue;
       const int same = one.body[side] == other.body[0] ? 0 : 1;
-      if (one.body[side] != other.body[same]) return false;
-      for (int k = 0; k < 6; ++k) apart = std::fmax(apart, std::fabs(one.row[side][0][k] - other.row[same][0][k]));
+      for (int a = 0; a < 3; ++a)
+        for (int k = 0; k < 6; ++k) {
+          double& most = a == 0 ? apart : friction;
+          most = std::fmax(most, std::fabs(one.row[side][a][k] - other.row[same][a][k]));
+        }
     }
-    return apart < NEARLY;
+    for (int a = 1; a < 3; ++a) friction = std::fmax(friction, std::fabs(one.w[a] - other.w[a]));
+    return apart < NEARLY && friction > MORE * apart;
   }
 
   // P and the residual y - B^T P at some y. Returns the length of this.
