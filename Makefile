@@ -22,8 +22,8 @@ help:
 	@echo "make test       run the tests; some of them: make test ARGS='-k energy'"
 	@echo 'make lint       run ruff, mypy and clang-format'
 	@echo 'make audit      look up known vulnerabilities of the dependencies in the package index'
-	@echo 'make bench      speed compared with other programs and with targets, and stability: about six minutes'
-	@echo 'make stability  only the measurements of docs/stability.md: about two minutes'
+	@echo 'make bench      speed compared with other programs and with targets, and stability: about ten minutes'
+	@echo 'make stability  only the measurements of docs/stability.md: about five minutes'
 	@echo 'make faults     many clients, clients that leave or stop, and SIGTERM: docs/reliability.md'
 	@echo 'make fuzz       send invalid input to the node'
 	@echo 'make states     body states at several rates'

@@ -127,6 +127,6 @@ def legend() -> list[Artist]:
         dot("batch, EXTENDED", "batch, EXTENDED"),
         dot("batch, no bound", "batch"),
         Line2D([], [], ls="-", color=ONE, lw=1.6, alpha=0.7, marker="_", markersize=9, label="error bound"),
-        Line2D([], [], ls="", marker="X", markersize=8, color=PEER, label="peers and plain C, no bound"),
+        Line2D([], [], ls="", marker="X", markersize=8, color=PEER, label="peers and tuned C, no bound"),
         Line2D([], [], ls="", marker="D", markersize=7, color=EXACT, label="formulas on exact numbers"),
     ]

@@ -232,10 +232,13 @@ def body_row(name: str, twist: Any) -> list[str]:
 
 
 def format_energies(answer: Any) -> str:
-    """Format the kinetic energies before and after, and the energy lost."""
-    before, after = format_number(answer.kinetic_energy_before), format_number(answer.kinetic_energy_after)
+    """Format the kinetic energies before and after, or the change if only that is known, and the losses."""
+    before, after = answer.kinetic_energy_before, answer.kinetic_energy_after
+    energies = f"energy {format_number(before)} -> {format_number(after)} J"
+    if Adjustment.ENERGY_CHANGE_ONLY in Adjustment(answer.adjustments):
+        energies = f"energy changed by {format_number(after - before)} J"
     lost = format_number(answer.energy_lost_restitution), format_number(answer.energy_lost_friction)
-    return f"energy {before} -> {after} J; lost: {lost[0]} restitution, {lost[1]} friction"
+    return f"{energies}; lost: {lost[0]} restitution, {lost[1]} friction"
 
 
 def format_name(name: str) -> str:

@@ -58,6 +58,12 @@ def test_an_impact_prints_as_a_table():
     assert pickle.loads(pickle.dumps(impact)) == impact
 
 
+def test_of_a_link_the_change_of_the_energy_is_printed():
+    link = Body.articulated([[float(i == j) for j in range(6)] for i in range(6)], velocity=(0.0, 0.0, -3.0))
+    text = str(resolve(link, FLOOR, TOUCH))
+    assert "\nenergy changed by -3.375 J; lost: 3.375 restitution, 0 friction\n" in text
+
+
 def test_a_contact_impact_prints_as_a_table():
     """The contact slips too slowly to go on slipping: it sticks."""
     K = [[4, 0, 0], [0, 4, 0], [0, 0, 1]]

@@ -108,28 +108,35 @@ def test_a_number_of_the_caller_that_needs_too_much_memory_says_so(method):
 
 WITHOUT_MEMORY = """
 import _testcapi
-from collision_response import Body, Contact, resolve_scene
+from collision_response import Body, Contact
+from collision_response.kernels import library, protocol
 
 cube = Body.box(1.0, (1.0, 1.0, 1.0), position=(0.0, 0.0, 0.5), velocity=(0.5, 0.0, -1.0))
 corners = [Contact.of((x, y, 0.0), (0.0, 0.0, 1.0), 0.5, 0.3) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
-# A contact that is given twice takes the long way.
-scene = [cube, Body.static()], [(0, 1)] * 5, [*corners, corners[0]]
-resolve_scene(*scene)
-for allocations in range(900):
-    error = None
-    _testcapi.set_nomemory(allocations, allocations + 1)
-    try:
-        resolve_scene(*scene)
-    except BaseException as raised:
-        error = raised
-    _testcapi.remove_mem_hooks()
-    if type(error) not in (MemoryError, type(None)):
-        print(allocations, repr(error))
+parts = [cube, Body.static()], [(0, 1)] * 4, corners, [1, 1, 1, 2]
+options = 0.0, 1e-6, (None, 1.5, protocol.SPRING_WORK), None
+failed = 0
+for law in (1, 2, 3, 5):
+    for allocations in range(150):
+        error = None
+        _testcapi.set_nomemory(allocations, allocations + 1)
+        try:
+            library.assemble(*parts).resolve(law, *options)
+        except BaseException as raised:
+            error = raised
+        _testcapi.remove_mem_hooks()
+        failed += type(error) is MemoryError
+        if type(error) not in (MemoryError, type(None)):
+            print(law, allocations, repr(error))
+print(failed > 0)
 """
 
 
 def test_a_scene_without_memory_raises_memory_error():
-    """Whichever allocation of Python fails. The list of a result held an error, which became SystemError."""
+    """Whichever allocation of Python in a kernel fails. The list of a result held an error: SystemError.
+
+    Only the kernels are asked, because CPython 3.13.0 mixes up its stack if an allocation of its own fails.
+    """
     pytest.importorskip("_testcapi")
     result = run_python("-c", WITHOUT_MEMORY)
-    assert (result.stdout, result.returncode) == ("", 0), result.stderr
+    assert (result.stdout, result.returncode) == ("True\n", 0), result.stderr

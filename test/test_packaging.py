@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import re
 import runpy
 import shutil
 import subprocess
 import sys
 import tempfile
+import threading
 from importlib import metadata
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
@@ -116,6 +118,37 @@ def test_environments_of_one_python_share_the_kernels(tmp_path, monkeypatch, spo
     spoil(ninja, cache)
     assert kernels.start().wait() != 0
     assert not module.exists()
+
+
+def test_a_build_of_the_kernels_waits_for_another_one(tmp_path, monkeypatch, capsys):
+    """Such as compilers that go on after a build was killed: both together would spoil ninja's records."""
+    monkeypatch.syspath_prepend(str(ROOT / "tools"))
+    import setup_venv
+
+    monkeypatch.setattr(setup_venv, "ROOT", tmp_path)
+    kernels = setup_venv.Kernels(setup_venv.Environment(".venv"))
+    ninja, log, gates = kernels.path / "ninja", tmp_path / "log", [tmp_path / "gate1", tmp_path / "gate2"]
+    kernels.path.mkdir(parents=True)
+    (kernels.path / "build.ninja").touch()
+    (kernels.path / "CMakeCache.txt").write_text(
+        f"CMAKE_MAKE_PROGRAM:FILEPATH={ninja}\nCMAKE_CACHEFILE_DIR:INTERNAL={kernels.path}\n"
+    )
+    ninja.write_text(
+        f"#!/bin/sh\necho begin >> {log}\n"
+        f"read line < {tmp_path}/gate$(grep -c begin {log})\necho end >> {log}\n"
+    )
+    ninja.chmod(0o755)
+    for gate in gates:
+        os.mkfifo(gate)
+    builds = [kernels.start()]
+    second = threading.Thread(target=lambda: builds.append(kernels.start()))
+    second.start()
+    for gate in gates:
+        gate.write_text("go on\n")
+    second.join()
+    assert [build.wait() for build in builds] == [0, 0]
+    assert log.read_text().split() == ["begin", "end"] * 2
+    assert "waiting for another build of the kernels" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("file", ["config/fast_dds.xml", "config/fast_dds_2.xml", "security/policy.xml"])

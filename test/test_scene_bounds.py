@@ -9,9 +9,10 @@ import math
 import random
 
 import pytest
-from scene_cases import Scene, assert_within_bound, distance, shuffled, tower
+from scene_cases import Scene, assert_within_bound, distance, distance_of_changes, shuffled, tower
 
 from collision_response import Adjustment, Body, Contact, ImpactError, Law, StatusCode
+from collision_response.physics.body import Twist
 from collision_response.physics.vector import Vec3
 
 SMALL = 1e-6
@@ -325,6 +326,64 @@ def test_friction_without_slip_keeps_the_velocities_of_heavy_bodies(heavy, light
     scene.bodies[0] = Body.box(lowest, (1, 1, 1), position=(0, 0, 0.5))
     answer, without = (scene.resolve(law) for law in (Law.COULOMB, Law.FRICTIONLESS))
     assert distance(scene, answer, without) <= answer.error_bound + without.error_bound < SMALL
+
+
+def struck_block(mass: float, approach: float, mu: float, slip: float) -> Scene:
+    """A ball of 1 kg strikes a block at 1 m/s, which approaches the floor far more slowly, and may slide."""
+    ball = Body.dynamic(1.0, position=(-1.0, 0, 0), velocity=(1.0, 0, 0))
+    block = Body.dynamic(mass, velocity=(0, slip, -approach))
+    contacts = [Contact.of((-0.5, 0, 0), (-1, 0, 0)), Contact.of((0, 0, -0.5), (0, 0, 1), friction=mu)]
+    return Scene([ball, block, Body.static()], [(0, 1), (1, 2)], contacts)
+
+
+@pytest.mark.parametrize(
+    ("mass", "approach", "mu", "tolerance"),
+    [
+        *itertools.product([1e6], [4e-8, 4e-6], [1e-9, 0.3], [1e-4, 1e-3, 1e-2]),
+        *itertools.product([1e14, 1e15, 1e16], [9e-11], [0.0], [0.0, 1e-2]),
+        (1e8, 4e-6, 1e-9, 1e-2),
+        (1e-4, 4e-7, 0.0, 1e-2),
+    ],
+)
+def test_approaches_too_slow_for_springs_are_in_the_bound_of_heavy_bodies(mass, approach, mu, tolerance):
+    """The block rebounds from the floor. Friction has next to no slip to act on."""
+    scene, rest = struck_block(mass, approach, mu, 0.0), Vec3(0.0, 0.0, 0.0)
+    answer = scene.resolve(Law.ROUTH_STRONGE, tolerance=tolerance)
+    gained = 2 / (mass + 1)
+    exact = Vec3(-mass * gained, 0.0, 0.0), Vec3(gained, 0.0, 2 * approach), rest
+    of_friction = gained * math.sqrt(mass)
+    off = distance_of_changes(scene, answer.changes, [Twist(change, rest) for change in exact])
+    assert off <= answer.error_bound + of_friction
+
+
+@pytest.mark.parametrize(("approach", "mu"), [(5e-8, 1e3), (9e-8, 1e4), (5e-8, 1e5)])
+@pytest.mark.parametrize(("mass", "tolerance"), [(1.0, 0.0), (100.0, 1e-3)])
+def test_approaches_too_slow_for_springs_are_in_the_bound_with_their_friction(mass, tolerance, approach, mu):
+    scene = struck_block(mass, approach, mu, 1.0)
+    answer = scene.resolve(Law.ROUTH_STRONGE, tolerance=tolerance)
+    finer = scene.resolve(Law.ROUTH_STRONGE, tolerance=1e-6)
+    assert distance(scene, answer, finer) <= answer.error_bound + finer.error_bound
+
+
+@pytest.mark.parametrize("mass", [2.0**-20, 1.0, 2.0**20])
+def test_the_unit_of_mass_does_not_decide_which_approaches_count(mass):
+    scene = struck_block(1e6, 4e-7, 0.3, 0.0)
+    scaled = [body._replace(mass=body.mass * mass) if body.is_movable() else body for body in scene.bodies]
+    one, other = (
+        s.resolve(Law.ROUTH_STRONGE, tolerance=1e-2) for s in (scene, scene._replace(bodies=scaled))
+    )
+    assert other.twists == one.twists
+
+
+@pytest.mark.parametrize(("heavy", "light", "mu"), [(4e7, 1e-2, 0.3), (1e11, 1e-2, 0.0)])
+def test_a_heavy_ball_must_not_approach_a_wall_through_a_light_one(heavy, light, mu):
+    """What remains of its motion towards the wall is missing; the error is two thirds of that at least."""
+    bodies = [Body.dynamic(m, position=(k, 0, 0)) for k, m in enumerate((1.0, heavy, light))]
+    bodies[0] = bodies[0]._replace(velocity=Vec3(1.0, 0, 0))
+    contacts = [Contact.of((k + 0.5, 0, 0), (-1, 0, 0), 0.5, mu) for k in range(3)]
+    scene = Scene([*bodies, Body.static()], [(0, 1), (1, 2), (2, 3)], contacts)
+    answer = scene.resolve(Law.ROUTH_STRONGE)
+    assert answer.error_bound >= math.sqrt(heavy) * answer.twists[1].linear.x / 1.5
 
 
 def far(parts: str, place: int, name: str, axis: int, value: float) -> Scene:

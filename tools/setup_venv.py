@@ -9,6 +9,7 @@ installed is reported, skipped, and tried again the next time.
 
 # Only syntax of Python 3.6: a Python that is too old must be able to run this and print that it is too old.
 
+import fcntl
 import hashlib
 import os
 import platform
@@ -170,7 +171,21 @@ class Kernels:
         return ninja if is_here and Path(ninja).is_file() else None
 
     def start(self):
-        """Start building what is not up to date, and return the process."""
+        """Start building what is not up to date, and return the process.
+
+        Two builds at once would spoil ninja's records. One that was killed may still compile.
+        """
+        (ROOT / ".kernels").mkdir(exist_ok=True)
+        with (ROOT / ".kernels" / "lock").open("w") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                name = self.environment.path.name
+                print(f"==> {name}: waiting for another build of the kernels", flush=True)
+                fcntl.flock(lock, fcntl.LOCK_EX)
+            return self._start(lock)
+
+    def _start(self, lock):
         tools, ninja = self.environment.path / "bin", self.ninja()
         if not ninja:
             shutil.rmtree(str(self.path), ignore_errors=True)
@@ -190,6 +205,7 @@ class Kernels:
             stdout=self.log.open("w"),
             stderr=subprocess.STDOUT,
             start_new_session=True,  # so that stop() ends compilers, too
+            pass_fds=[lock.fileno()],  # locked as long as any of them runs
         )
 
     def stop(self, build):
@@ -201,14 +217,15 @@ class Kernels:
     def wait(self, build):
         """Wait for the build and return the compiled modules. If it fails, print its log and exit."""
         started = time.monotonic()
-        if build.wait():
+        try:
+            build.wait(2)
+        except subprocess.TimeoutExpired:
+            print(f"==> {self.environment.path.name}: the kernels (2 min) ...", end="", flush=True)
+            build.wait()
+            print(f" done in {time.monotonic() - started:.0f} s more", flush=True)
+        if build.returncode:
             print(f"{self.log.read_text()}\n==> building the kernels failed, output above.")
             sys.exit(1)
-        seconds = time.monotonic() - started
-        if seconds > 2:
-            print(
-                f"==> {self.environment.path.name}: the kernels ... done in {seconds:.0f} s more", flush=True
-            )
         return sorted(self.path.glob("_*.so"))
 
 
@@ -326,6 +343,8 @@ def main(name, extras="", optional=""):
     if name == ".colcon-venv":
         install_colcon()
         return
+    for number in (signal.SIGTERM, signal.SIGHUP):  # end the compilers, too
+        signal.signal(number, lambda *_: sys.exit(1))
     environment = install_package(name, extras)
     if optional:
         install_optional(environment, optional)

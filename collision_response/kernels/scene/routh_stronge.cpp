@@ -24,6 +24,7 @@
 #include "laws.hpp"
 #include "path_with_friction.hpp"
 #include "path_without_friction.hpp"
+#include "projection.hpp"
 
 namespace {
 
@@ -59,17 +60,50 @@ struct FollowedPath : PathAnswer {
   double left = 0;  // of approaches too slow to count, relative to the motion: to heavy bodies they may matter
 };
 
+// How much motion is missing after impulses P, in the metric of kinetic energy, because approaches that are too slow to
+// count are left: at most twice what stops them all, as they may rebound, and the friction of these loads. That takes no
+// more than its work on the slip, at first or at the end.
+double motion_left(const Assembly& assembly, const std::vector<Axes>& P) {
+  Motion after(assembly);
+  for (int i = 0; i < assembly.count; ++i) after.apply(i, P[i]);
+  std::vector<N> start;
+  double alone = 0;  // what stops each by itself
+  for (int i = 0; i < assembly.count; ++i) {
+    const double u = after.velocity(i, 0);
+    alone += 2 * std::fmax(-u, 0) * assembly.contacts[i].unit();
+    start.push_back({{u * assembly.contacts[i].length, 0}, 0});
+  }
+  if (!(alone > 0)) return 0;
+  const Projection stop = project(assembly, start, assembly.all_contacts());
+  if (stop.status != MinimumStatus::FOUND) return alone;  // between walls
+  Motion by_stop(assembly);
+  double friction = 0;
+  for (int i = 0; i < assembly.count; ++i) {
+    const AssembledContact& contact = assembly.contacts[i];
+    const double load = std::fabs(stop.q[i].h) * contact.length;
+    by_stop.apply(i, {load, 0, 0});
+    double square = 0, slip_before = 0, slip_after = 0;
+    for (int axis = 1; axis < 3; ++axis) {
+      slip_before = std::hypot(slip_before, contact.axes[axis].velocity);
+      slip_after = std::hypot(slip_after, after.velocity(i, axis));
+      for (const auto& side : contact.axes[axis].row) square += dot(side, side, 6);
+    }
+    const double most = 2 * contact.mu * load;
+    friction += std::fmin(most * std::sqrt(square), std::sqrt(2 * most * std::fmax(slip_before, slip_after)));
+  }
+  return 2 * std::sqrt(dot(by_stop.y, by_stop.y)) + friction;
+}
+
 template <class Path>
 FollowedPath answer_of(const Assembly& assembly, const Path& path) {
   FollowedPath answer;
-  answer.impulses = with_axis_impulses({}, assembly, path.in_newton_seconds(path.impulses()));
+  const std::vector<Axes> P = path.in_newton_seconds(path.impulses());
+  answer.impulses = with_axis_impulses({}, assembly, P);
   if (!Path::HAS_FRICTION) answer.impulses.tangential.clear();
   const ImpulseEffect effect = effect_of(assembly, answer.impulses, true);
   answer.changes = effect.changes;
   answer.rounding = effect.error_bound;
-  for (int i = 0; i < assembly.count; ++i)
-    answer.left += std::fmax(-effect.normal_velocities[i], 0) / assembly.contacts[i].unit();
-  answer.left /= assembly.velocity_size(answer.impulses.normal.data());
+  answer.left = motion_left(assembly, P) / assembly.velocity_size(answer.impulses.normal.data());
   // No loss is negative, by the errors of the path and the rounding of this sum.
   const double lost = (effect.energies[LOST_TO_RESTITUTION] + effect.energies[LOST_TO_FRICTION]) * (1 - 0x1p-51);
   answer.friction_loss = std::fmin(std::fmax(path.friction_loss, 0), lost);
