@@ -60,8 +60,14 @@ struct FollowedPath : PathAnswer {
   double left = 0;  // of approaches too slow to count, relative to the motion: to heavy bodies they may matter
 };
 
-// How much motion is missing after impulses P, in the metric of kinetic energy, because approaches that are too slow to
-// count are left: at most twice what stops them all, as they may rebound, and the friction of these loads. That takes no
+// The length of a vector, whose squares may be beyond the range of doubles.
+double size_of(const Vector& y) {
+  double size = 0;
+  for (double one : y) size = std::hypot(size, one);
+  return size;
+}
+
+// How much motion is missing after impulses P, relative to theirs, because approaches that are too slow to count are left: at most twice what stops them all, as they may rebound, and the friction of these loads. That takes no
 // more than its work on the slip, at first or at the end.
 double motion_left(const Assembly& assembly, const std::vector<Axes>& P) {
   Motion after(assembly);
@@ -75,7 +81,8 @@ double motion_left(const Assembly& assembly, const std::vector<Axes>& P) {
   }
   if (!(alone > 0)) return 0;
   const Projection stop = project(assembly, start, assembly.all_contacts());
-  if (stop.status != MinimumStatus::FOUND) return alone;  // between walls
+  const double size = size_of(after.y);
+  if (stop.status != MinimumStatus::FOUND) return alone / size;  // between walls
   Motion by_stop(assembly);
   double friction = 0;
   for (int i = 0; i < assembly.count; ++i) {
@@ -89,9 +96,10 @@ double motion_left(const Assembly& assembly, const std::vector<Axes>& P) {
       for (const auto& side : contact.axes[axis].row) square += dot(side, side, 6);
     }
     const double most = 2 * contact.mu * load;
-    friction += std::fmin(most * std::sqrt(square), std::sqrt(2 * most * std::fmax(slip_before, slip_after)));
+    friction +=
+        std::fmin(most * std::sqrt(square), std::sqrt(2 * most) * std::sqrt(std::fmax(slip_before, slip_after)));
   }
-  return 2 * std::sqrt(dot(by_stop.y, by_stop.y)) + friction;
+  return (2 * size_of(by_stop.y) + friction) / size;
 }
 
 template <class Path>
@@ -103,7 +111,7 @@ FollowedPath answer_of(const Assembly& assembly, const Path& path) {
   const ImpulseEffect effect = effect_of(assembly, answer.impulses, true);
   answer.changes = effect.changes;
   answer.rounding = effect.error_bound;
-  answer.left = motion_left(assembly, P) / assembly.velocity_size(answer.impulses.normal.data());
+  answer.left = motion_left(assembly, P);
   // No loss is negative, by the errors of the path and the rounding of this sum.
   const double lost = (effect.energies[LOST_TO_RESTITUTION] + effect.energies[LOST_TO_FRICTION]) * (1 - 0x1p-51);
   answer.friction_loss = std::fmin(std::fmax(path.friction_loss, 0), lost);
