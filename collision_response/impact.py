@@ -244,9 +244,8 @@ def impact(
 
 def _moving_part(contact: ContactKinematics, impulse: Vec3, friction: Any) -> Vec3:
     """The part of an impulse that counts: all of it without friction, where ``u`` may have a locked part."""
-    if callable(friction):
-        return contact.moving_part(impulse)
-    return choose(friction > 0, lambda: contact.moving_part(impulse), lambda: impulse)
+    acts = callable(friction) or friction > 0
+    return choose(acts, lambda: contact.moving_part(impulse), lambda: impulse)
 
 
 def evaluate_law(contact: ContactKinematics, coefficients: Coefficients, law: Law) -> LawResult:

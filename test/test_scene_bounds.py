@@ -365,7 +365,7 @@ def test_approaches_too_slow_for_springs_are_in_the_bound_with_their_friction(ma
     assert distance(scene, answer, finer) <= answer.error_bound + finer.error_bound
 
 
-@pytest.mark.parametrize("mass", [2.0**-20, 1.0, 2.0**20])
+@pytest.mark.parametrize("mass", [2.0**-20, 2.0**20])
 def test_the_unit_of_mass_does_not_decide_which_approaches_count(mass):
     scene = struck_block(1e6, 4e-7, 0.3, 0.0)
     scaled = [body._replace(mass=body.mass * mass) if body.is_movable() else body for body in scene.bodies]

@@ -67,8 +67,9 @@ double size_of(const Vector& y) {
   return size;
 }
 
-// How much motion is missing after impulses P, relative to theirs, because approaches that are too slow to count are left: at most twice what stops them all, as they may rebound, and the friction of these loads. That takes no
-// more than its work on the slip, at first or at the end.
+// How much motion is missing after impulses P, relative to theirs, because approaches that are too slow to count are
+// left: at most twice what stops them all, as they may rebound, and the friction of these loads. That takes no more than
+// its work on the slip, at first or at the end.
 double motion_left(const Assembly& assembly, const std::vector<Axes>& P) {
   Motion after(assembly);
   for (int i = 0; i < assembly.count; ++i) after.apply(i, P[i]);
