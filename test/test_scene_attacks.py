@@ -246,6 +246,17 @@ def test_rounding_reverses_no_slip(law, turned):
     assert len(seen) == 1 and Regime.REVERSED not in seen.pop()
 
 
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize("passing", [0.0, 1e3, 1e7])
+def test_a_contact_that_slides_does_so_beside_a_faster_one(law, passing):
+    """A ball slides on the floor. Another one passes it without friction, which changes nothing."""
+    ball = Body.sphere(1.0, 0.5, velocity=(1.0, 0, -1.0))
+    other = Body.sphere(1.0, 0.5, position=(1, 0, 0), velocity=(0.5, passing, 0))
+    contacts = [Contact.of((0, 0, -0.5), (0, 0, 1), 0.5, 0.05), Contact.of((0.5, 0, 0), (-1, 0, 0), 0.5, 0)]
+    answer = resolve_scene([ball, other, Body.static()], [(0, 2), (0, 1)], contacts, ImpactModel(law))
+    assert answer.regimes == (Regime.SLIDING, Regime.SLIDING)
+
+
 TURNS = [Quaternion(0.0, 0.0, 0.0, 1.0), Quaternion(0.1, -0.7, 0.3, 0.4), Quaternion(1.0, 1.0, 1.0, 0.0)]
 
 

@@ -386,7 +386,7 @@ struct LeastWork {
     for (int i = 0; i < count; ++i) {
       const AssembledContact& contact = assembly.contacts[i];
       const double u = after.velocity(i, 0);
-      const double doubt = 0x1p-50 * (std::fabs(contact.axes[0].velocity) + after.size_at(i));
+      const double doubt = 0x1p-50 * (std::fabs(contact.axes[0].velocity) + after.size_at(i, 0));
       if (u < -doubt) approach -= u * contact.unit();
       start.push_back({{u * contact.length, 0}, doubt * contact.length});
     }

@@ -7,8 +7,8 @@
 
 namespace {
 
-// A slip below this fraction of the fastest speed before the impact counts as none. Friction that is below its limit by
-// a smaller fraction counts as being at the limit.
+// A slip below this fraction of the speeds at its contact counts as none. Friction that is below its limit by a smaller
+// fraction counts as being at the limit.
 constexpr double AT_REST = 0x1p-20;
 
 // Impulses have the same effect if it differs by less than this fraction.
@@ -84,6 +84,14 @@ struct AppliedImpulses {
     return u;
   }
 
+  // The velocity of a contact before, and what its change is the sum of, all without signs.
+  double speeds_at(int i) const {
+    double sum = 0;
+    for (int axis = 0; axis < 3; ++axis)
+      sum += std::fabs(assembly.contacts[i].axes[axis].velocity) + motion.size_at(i, axis);
+    return sum;
+  }
+
   // Write the impulse on body_a in world axes.
   void write_impulse(int i, double* impulse) const {
     const AssembledContact& contact = assembly.contacts[i];
@@ -99,7 +107,7 @@ struct AppliedImpulses {
     const AssembledContact& contact = assembly.contacts[i];
     // By rounding, and by the least double.
     const double tolerated = has_friction
-                                 ? 0x1p-50 * (std::fabs(before[0]) + motion.size_at(i))
+                                 ? 0x1p-50 * (std::fabs(before[0]) + motion.size_at(i, 0))
                                  : width(normal_velocities[i]) / contact.length + 0x1p-50 * std::fabs(after[0]);
     const bool approaches = after[0] < -tolerated - error / contact.unit();
     const double doubt_of_cone = 0x1p-40 * friction_limit(i) + (1 + contact.mu) * error * contact.unit() + 0x1p-1070;
@@ -219,7 +227,7 @@ ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& impulse
     effect.normal_velocities[i] = after[0];
     effect.is_unphysical = effect.is_unphysical || applied.is_unphysical(i, before, after);
     works.add(i, before, after);
-    const double mu = assembly.contacts[i].mu, at_rest = AT_REST * works.fastest;
+    const double mu = assembly.contacts[i].mu, at_rest = AT_REST * applied.speeds_at(i);
     const double slip_before = std::hypot(before[1], before[2]), slip = std::hypot(after[1], after[2]);
     const bool turns_back = before[1] * after[1] + before[2] * after[2] < 0 && std::fmin(slip_before, slip) > at_rest;
     const bool sticks = sticks_by_slip ? slip <= at_rest

@@ -40,12 +40,12 @@ struct Motion {
     return relative;
   }
   double speed(int i) const { return std::hypot(velocity(i, 0), velocity(i, 1), velocity(i, 2)); }
-  // A bound on the terms that the change of the normal velocity of a contact is the sum of.
-  double size_at(int i) const {
+  // The terms that the change of the velocity of a contact along an axis is the sum of, without their signs.
+  double size_at(int i, int axis) const {
     double sum = 0;
     for (int side = 0; side < 2; ++side)
       for (int k = 0; assembly->contacts[i].body[side] >= 0 && k < 6; ++k)
-        sum += std::fabs(assembly->contacts[i].axes[0].row[side][k] * y[6 * assembly->contacts[i].body[side] + k]);
+        sum += std::fabs(assembly->contacts[i].axes[axis].row[side][k] * y[6 * assembly->contacts[i].body[side] + k]);
     return sum;
   }
   Axes velocity(int i) const { return {velocity(i, 0), velocity(i, 1), velocity(i, 2)}; }
