@@ -60,7 +60,7 @@ def rules(body_a: Body, body_b: Body, contact: Contact, tangential_restitution: 
 
 def _body_rules(name: str, body: Body) -> Iterator[Rule]:
     mass = body.mass
-    yield Rule(mass == mass, StatusCode.NOT_FINITE, f"{name}.mass", "must be a number")
+    yield Rule(mass == mass, StatusCode.NOT_FINITE, f"{name}.mass", "must be a number that float64 holds")
     yield Rule(
         _is_mass(mass),
         StatusCode.INVALID_MASS,

@@ -30,7 +30,8 @@ Several contacts at once, in ``scene/``::
     coulomb.cpp                COULOMB, by the programme of cones.cpp
     moreau.cpp                 MOREAU
     routh_stronge.cpp          ROUTH_STRONGE, along a path
-    coulomb_conditions.cpp     friction that opposes each slip: for MOREAU, and COULOMB where contacts part
+    coulomb_conditions.cpp     friction that opposes each slip: for MOREAU, and COULOMB where contacts part;
+                               condition_axes.cpp: along which axes
     least_norm.cpp             how contacts share a load; shared_loads.cpp: which of them carry it
     effect.cpp                 the answer: twists, energies, and the bound on their error
 """
