@@ -67,9 +67,22 @@ double size_of(const Vector& y) {
   return size;
 }
 
+// The most motion that friction of a normal impulse causes: that of an impulse, or of its work on the slip, at first or
+// at the end.
+double most_by_friction(const Assembly& assembly, int i, double normal_impulse, const Motion& after) {
+  const AssembledContact& contact = assembly.contacts[i];
+  double square = 0, slip_before = 0, slip_after = 0;
+  for (int axis = 1; axis < 3; ++axis) {
+    slip_before = std::hypot(slip_before, contact.axes[axis].velocity);
+    slip_after = std::hypot(slip_after, after.velocity(i, axis));
+    for (const auto& side : contact.axes[axis].row) square += dot(side, side, 6);
+  }
+  const double most = 2 * contact.mu * normal_impulse;
+  return std::fmin(most * std::sqrt(square), std::sqrt(2 * most) * std::sqrt(std::fmax(slip_before, slip_after)));
+}
+
 // How much motion is missing after impulses P, relative to theirs, because approaches that are too slow to count are
-// left: at most twice what stops them all, as they may rebound, and the friction of these loads. That takes no more than
-// its work on the slip, at first or at the end.
+// left: at most twice what stops them all, as they may rebound, and the friction of these loads.
 double motion_left(const Assembly& assembly, const std::vector<Axes>& P) {
   Motion after(assembly);
   for (int i = 0; i < assembly.count; ++i) after.apply(i, P[i]);
@@ -87,18 +100,9 @@ double motion_left(const Assembly& assembly, const std::vector<Axes>& P) {
   Motion by_stop(assembly);
   double friction = 0;
   for (int i = 0; i < assembly.count; ++i) {
-    const AssembledContact& contact = assembly.contacts[i];
-    const double load = std::fabs(stop.q[i].h) * contact.length;
-    by_stop.apply(i, {load, 0, 0});
-    double square = 0, slip_before = 0, slip_after = 0;
-    for (int axis = 1; axis < 3; ++axis) {
-      slip_before = std::hypot(slip_before, contact.axes[axis].velocity);
-      slip_after = std::hypot(slip_after, after.velocity(i, axis));
-      for (const auto& side : contact.axes[axis].row) square += dot(side, side, 6);
-    }
-    const double most = 2 * contact.mu * load;
-    friction +=
-        std::fmin(most * std::sqrt(square), std::sqrt(2 * most) * std::sqrt(std::fmax(slip_before, slip_after)));
+    const double normal_impulse = std::fabs(stop.q[i].h) * assembly.contacts[i].length;
+    by_stop.apply(i, {normal_impulse, 0, 0});
+    friction += most_by_friction(assembly, i, normal_impulse, after);
   }
   return (2 * size_of(by_stop.y) + friction) / size;
 }
