@@ -170,6 +170,50 @@ STRAIGHT_WITHOUT_SYMMETRY = [  # friction, and the arm, with which slip along x 
 ]
 
 
+TURNS = [
+    (0, 0, 0, 1),
+    (0.5, 0.5, 0.5, 0.5),
+    (0.1, 0.7, -0.4, 0.3),
+    (-0.3, 0.2, 0.9, 0.1),
+    (0.6, -0.2, 0.1, 0.7),
+]
+"""Quaternions, whose products round the slip of a body that falls straight to something that is not 0."""
+
+
+def box_on_its_corner(turn, friction: float) -> Collision:
+    """A box that falls straight down. Seen in turned axes, its slip is rounding."""
+    box = Body.box(1.0, (1.0, 0.5, 0.25), position=(-0.5, 0.25, 0.125), velocity=(0, 0, -1.0))
+    return Collision(box, Body.static(), on_floor(0.5, friction)).rotated(Quaternion(*turn))
+
+
+@pytest.mark.parametrize("law", [Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize("turn", TURNS)
+def test_a_box_that_falls_on_its_corner_and_sticks_has_smooth_derivatives(law, turn):
+    collision, model = box_on_its_corner(turn, 2.0), ImpactModel(law, tolerance=1e-12)
+    found = differentiate(*collision, model)
+    assert found.impact.regime is Regime.STICKING
+    assert not found.smoothness.any()
+    for axis in range(3):
+        expected = by_differences_of_resolve(collision, model, "body_a.velocity", axis, step=1e-6)
+        column = found.jacobian[:, found.columns["body_a.velocity"]][:, axis]
+        # The work of Stronge's law has no second derivative here: differences are off by as much as the step.
+        np.testing.assert_allclose(column, expected, rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize("law", [Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize("turn", TURNS)
+def test_a_box_that_falls_on_its_corner_and_slips_has_a_kink_where_slip_begins(law, turn):
+    """What does not move the contact sideways is smooth: the impulse grows with the speed."""
+    collision = box_on_its_corner(turn, 0.25)
+    found = differentiate(*collision, ImpactModel(law, tolerance=1e-12))
+    assert found.impact.regime is Regime.SLIDING
+    assert (found.smoothness[found.columns["body_a.velocity"]] == KINK).sum() >= 2
+    for name in ("body_a.mass", "contact.restitution", "contact.friction"):
+        assert not found.smoothness[found.columns[name]].any()
+    along = found.of("impulse", "body_a.velocity") @ collision[0].velocity
+    np.testing.assert_allclose(along, found.impact.impulse, rtol=0, atol=1e-12)
+
+
 @pytest.mark.parametrize("law", [Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
 @pytest.mark.parametrize("slip", [0.7, 5.0])
 @pytest.mark.parametrize(("friction", "arm"), STRAIGHT_WITHOUT_SYMMETRY)
@@ -666,6 +710,38 @@ def test_a_table_without_friction_has_the_derivative_by_friction_of_coulomb(law)
     assert expected.jacobian.any()
     np.testing.assert_array_equal(found.jacobian[..., 0], expected.jacobian)
     np.testing.assert_array_equal(found.smoothness[:, 0], expected.smoothness)
+
+
+@pytest.mark.parametrize("signs", [(-1,), (1, -1), (-1, 1), (-2, -1, 3)], ids=str)
+def test_directions_against_friction_have_the_derivatives_of_the_same_law(signs):
+    """The least friction would create energy by MOREAU, so COULOMB answers in all directions."""
+    body = Body.dynamic(
+        1.0, (1 / 12, 0, 0, 1 / 12, 0, 1 / 12), (0, 0.5, 1.0), None, (-1.0, 0.75, -0.25), (1.0, -0.25, 1.0)
+    )
+    request = body, Body.static(), on_floor(1.0, 0.0)
+    moreau, coulomb = (differentiate(*request, ImpactModel(law)) for law in (Law.MOREAU, Law.COULOMB))
+    by_friction = moreau.jacobian[:, moreau.columns["contact.friction"]]
+    np.testing.assert_array_equal(by_friction, coulomb.jacobian[:, coulomb.columns["contact.friction"]])
+    directions = unit_directions("contact.friction") * np.array(signs, float)
+    found = differentiate_batch(*batch_of([request]), directions, ImpactModel(Law.MOREAU))
+    np.testing.assert_allclose(found.jacobian[..., 0], by_friction * signs, rtol=1e-15)
+
+
+@pytest.mark.parametrize("law", EVERY_LAW)
+@pytest.mark.parametrize("great", [1e153, 1e155, 1e300, math.inf])
+def test_friction_and_thresholds_far_from_any_edge_have_smooth_derivatives(law, great):
+    """Their squares are beyond float64."""
+    request = ball((0.3, -0.2, -1.0)), Body.static()
+    slow, usual = (ImpactModel(law, restitution_threshold=x) for x in (min(great, 1e300), 1e10))
+    found, expected = (differentiate(*request, on_floor(), m) for m in (slow, usual))
+    np.testing.assert_array_equal(found.jacobian, expected.jacobian)
+    np.testing.assert_array_equal(found.smoothness, expected.smoothness)
+    if great < math.inf:
+        found, expected = (
+            differentiate(*request, on_floor(friction=x), ImpactModel(law)) for x in (great, 1e150)
+        )
+        np.testing.assert_array_equal(found.jacobian, expected.jacobian)
+        np.testing.assert_array_equal(found.smoothness, expected.smoothness)
 
 
 @pytest.mark.parametrize("half", [F(1, 2), Decimal("0.5"), np.float32(0.5), np.array(0.5)], ids=repr)

@@ -356,6 +356,38 @@ def test_on_a_floor_every_law_is_reliable(law):
     assert (after.regimes, after.is_reliable) == ((Regime.SLIDING,), True)
 
 
+@pytest.mark.parametrize("speed", [0.0, 1e-9, 0.3])
+def test_a_ball_whose_springs_hold_it_is_reliable_wherever_they_throw_it(speed):
+    """COMPLIANT calls it STICKING, or REVERSED by the direction of the slip after the impact."""
+    contact = Contact.of((0, 0, 0), (0, 0, 1), 0.75, 0.6)
+    body = Body.sphere(0.5, RADIUS, position=(0, 0, RADIUS), velocity=(speed, 0, -1.0))
+    after = propagate_covariance(
+        body, Body.static(), contact, ImpactModel(Law.COMPLIANT), np.eye(12) * 1e-18, sphere_on_plane(RADIUS)
+    )
+    assert (Regime.REVERSED in after.regimes, after.is_reliable) == (True, True)
+
+
+@pytest.mark.parametrize(
+    ("slip", "sd", "is_reliable"), [(0.72, 0.1, False), (1.2, 0.1, True), (0.4, 0.1, True)]
+)
+def test_compliant_reports_that_both_slip_throughout_and_stick_are_likely(slip, sd, is_reliable):
+    """The ball slips throughout if it slips by more than (7/2) mu (1 + e) |u_n| + ..., near 0.7 m/s."""
+    contact = Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.2)
+    body = Body.sphere(0.5, RADIUS, position=(0, 0, RADIUS), velocity=(slip, 0, -1.0))
+    S = np.zeros((12, 12))
+    S[6, 6] = sd**2
+    after = propagate_covariance(
+        body,
+        Body.static(),
+        contact,
+        ImpactModel(Law.COMPLIANT),
+        S,
+        sphere_on_plane(RADIUS),
+        gravity=(0, 0, 0),
+    )
+    assert after.is_reliable == is_reliable
+
+
 @pytest.mark.parametrize("law", [law for law in Law if law is not Law.COMPLIANT])
 @pytest.mark.parametrize("velocity", [(2.0, 0.5, -3.0), (0.0, 0.0, -3.0)], ids=["slips", "falls"])
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
@@ -815,6 +847,37 @@ def test_a_covariance_is_checked_up_to_rounding_in_the_units_of_each_entry(part,
     else:
         with refused(StatusCode.INVALID_TABLE, "covariance", match="symmetric and positive semi-definite"):
             propagate_covariance(*request)
+
+
+@pytest.mark.parametrize(
+    "entries", [{(0, 1): 1e-12, (1, 0): 1e-12}, {(0, 1): 1e-30}, {(1, 0): 1e-30}], ids=str
+)
+@pytest.mark.parametrize("variances", [(0.0, 0.0), (1e-8, 0.0), (0.0, 1.0)], ids=str)
+def test_what_has_no_variance_has_no_covariance(entries, variances):
+    S = np.zeros((12, 12))
+    S[0, 0], S[1, 1] = variances
+    for place, covariance in entries.items():
+        S[place] = covariance
+    with refused(StatusCode.INVALID_TABLE, "covariance", match="symmetric and positive semi-definite"):
+        propagate_covariance(ball(), Body.static(), FLOOR, ImpactModel(), S, sphere_on_plane(RADIUS))
+
+
+@pytest.mark.parametrize(
+    "as_given", [lambda x: x.astype(object), lambda x: x.astype(">f8"), lambda x: x.tolist()]
+)
+def test_a_surface_motion_may_be_tables_of_any_kind(as_given):
+    motion = sphere_on_plane(RADIUS)(ball(), Body.static(), FLOOR)
+    request = ball(), Body.static(), FLOOR, ImpactModel()
+    for given in (SurfaceMotion(*map(as_given, motion)), lambda *_: SurfaceMotion(*map(as_given, motion))):
+        np.testing.assert_array_equal(saltation_matrix(*request, given), saltation_matrix(*request, motion))
+        found, expected = (propagate_covariance(*request, np.diag(SD**2), x) for x in (given, motion))
+        np.testing.assert_array_equal(found.covariance, expected.covariance)
+
+
+@pytest.mark.parametrize("given", [np.zeros((3, 12)), np.eye(3), 1.0, "x"], ids=str)
+def test_what_is_no_surface_motion_is_refused_by_name(given):
+    with refused(StatusCode.INVALID_NORMAL, "surfaces.position"):
+        saltation_matrix(ball(), Body.static(), FLOOR, surfaces=given)
 
 
 def test_a_covariance_may_hold_fractions():

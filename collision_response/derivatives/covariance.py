@@ -26,7 +26,7 @@ from ..body_numbers import orientation_of
 from ..model import DEFAULT, Adjustment, ImpactModel
 from ..physics.body import Body
 from ..physics.contact import Contact
-from ..physics.laws import Regime
+from ..physics.laws import Law, Regime
 from ..physics.orientation import Quaternion
 from ..physics.vector import Vec3
 from ..resolve import resolve
@@ -49,6 +49,10 @@ LIKELY_DEVIATIONS = 2.0, 1.0, 0.5
 regime."""
 
 
+ROUNDING = 1e-9
+"""Friction that is below its limit by a smaller part is at the limit: the contact slips all the time."""
+
+
 @compared_by_identity
 class CovarianceAfter(NamedTuple):
     """The covariance after an impact, and whether to trust it.
@@ -56,10 +60,11 @@ class CovarianceAfter(NamedTuple):
     Attributes:
         covariance: of the state after the impact; its shape is that of the covariance before.
         regimes: all regimes found within two standard deviations; the first is that of the mean state.
-        is_reliable: ``False`` if ``regimes`` has separating and another one, or both sticking and slipping of
-            a contact with friction; if the contact may slide to either side; if a derivative that was used is
-            at a kink or a jump; or if there is a jump within two standard deviations, at
-            ``restitution_threshold`` or where MOREAU falls back.
+        is_reliable: ``False`` if ``regimes`` has separating and another one; if a contact with friction both
+            sticks and slips, which for COMPLIANT means that it sticks for a while, and slips throughout; if
+            the contact may slide to either side; if a derivative that was used is at a kink or a jump; or if
+            there is a jump within two standard deviations, at ``restitution_threshold`` or where MOREAU falls
+            back.
     """
 
     covariance: Array
@@ -68,9 +73,10 @@ class CovarianceAfter(NamedTuple):
 
 
 class _Behaviour(NamedTuple):
-    """What sets impacts apart: the regime, the share of friction, and the sides of the jumps."""
+    """What sets impacts apart: the regime, whether friction slips, its share, and the sides of the jumps."""
 
     regime: Regime
+    slips: bool
     friction: Vec3
     is_slow: bool
     falls_back: bool
@@ -125,11 +131,12 @@ def propagate_covariance(
     likely = [_behaviour(linearised.derivatives.impact, model)]
     likely += (_behaviour_at(linearised, change) for change in _likely_changes(linearised, root, deviations))
     regimes = tuple(dict.fromkeys(one.regime for one in likely))
+    colliding = [one for one in likely if one.regime is not Regime.SEPARATING]
     has_friction = contact.friction > 0 or friction_sd > 0  # if not, a contact that sticks just does not slip
-    differ = {Regime.SEPARATING, Regime.STICKING} if has_friction else {Regime.SEPARATING}
+    may_stick = has_friction and len({one.slips for one in colliding}) > 1
     may_slide_back = has_friction and _slides_back(likely)
-    has_one_behaviour = (len(regimes) == 1 or differ.isdisjoint(regimes)) and not may_slide_back
-    may_jump = _has_jump(likely, has_restitution=contact.restitution > 0 or restitution_sd > 0)
+    has_one_behaviour = len(colliding) in (0, len(likely)) and not may_stick and not may_slide_back
+    may_jump = _has_jump(colliding, has_restitution=contact.restitution > 0 or restitution_sd > 0)
     certain = [name for name, sd in zip(COEFFICIENTS, deviations[:2], strict=True) if sd == 0]
     used = [linearised.derivatives.smoothness[part] for name, part in columns.items() if name not in certain]
     is_smooth = all((smoothness == Smoothness.SMOOTH).all() for smoothness in used)
@@ -144,9 +151,8 @@ def _slides_back(likely: Sequence[_Behaviour]) -> bool:
     )
 
 
-def _has_jump(likely: Iterable[_Behaviour], *, has_restitution: bool) -> bool:
+def _has_jump(colliding: Sequence[_Behaviour], *, has_restitution: bool) -> bool:
     """Whether colliding impacts lie on both sides of a jump."""
-    colliding = [one for one in likely if one.regime is not Regime.SEPARATING]
     is_slow, falls_back = ({getattr(one, side) for one in colliding} for side in ("is_slow", "falls_back"))
     return len(falls_back) > 1 or (has_restitution and len(is_slow) > 1)
 
@@ -159,11 +165,13 @@ def _square_root(covariance: Array | None, size: int) -> Array:
             StatusCode.INVALID_TABLE, "covariance", f"must be finite numbers of shape ({size}, {size})"
         )
     sd = np.sqrt(np.abs(np.diag(S)))
-    scale = np.where(sd > 0, sd, 1.0)  # the entries have different units
+    is_known = sd == 0
+    scale = np.where(is_known, 1.0, sd)  # the entries have different units
     values, axes = np.linalg.eigh(S / np.outer(scale, scale))
     rounding = 1e-12 * size
     asymmetry = np.abs((S - S.T) / np.outer(scale, scale)).max()
-    if asymmetry > rounding or values.min() < -rounding * max(values.max(), 1.0):
+    covaries = S[is_known].any() or S[:, is_known].any()
+    if covaries or asymmetry > rounding or values.min() < -rounding * max(values.max(), 1.0):
         raise ImpactError(
             StatusCode.INVALID_TABLE, "covariance", "must be symmetric and positive semi-definite"
         )
@@ -235,7 +243,10 @@ def _behaviour(impact: Impact, model: ImpactModel) -> _Behaviour:
     normal = Vec3(*unit_normal(impact.contact).tolist())
     P = impact.impulse / (math.hypot(*impact.impulse) or 1.0)  # products of small impulses would be 0
     friction = P - normal * normal.dot(P)
-    return _Behaviour(impact.regime, friction, is_slow, Adjustment.LAW_FALLBACK in impact.adjustments)
+    slips = impact.regime is not Regime.STICKING
+    if impact.model.law is Law.COMPLIANT:  # where a contact that sticks for a while may end in any regime
+        slips = impact.tangential_impulse >= (1 - ROUNDING) * impact.contact.friction * impact.normal_impulse
+    return _Behaviour(impact.regime, slips, friction, is_slow, Adjustment.LAW_FALLBACK in impact.adjustments)
 
 
 def _behaviour_at(linearised: LinearisedImpact, change: Array) -> _Behaviour:

@@ -214,7 +214,7 @@ def _surface_motion(
 ) -> SurfaceMotion:
     """Return the motion that ``surfaces`` gives, checked."""
     given: object = surfaces
-    if given in (sphere_on_plane, sphere_on_sphere):
+    if given is sphere_on_plane or given is sphere_on_sphere:
         raise TypeError("surfaces: must be what sphere_on_plane(radius) or sphere_on_sphere(...) returns")
     motion = surfaces(body_a, body_b, contact) if callable(surfaces) else surfaces
     if motion is None:
@@ -223,11 +223,19 @@ def _surface_motion(
             "see collision_response.derivatives.surfaces"
         )
         raise ImpactError(StatusCode.INVALID_NORMAL, "surfaces", reason)
-    for name, shape in (("position", (3, 12)), ("normal", (3, 12)), ("position_by_normal", (3, 3))):
-        if as_finite_array(getattr(motion, name, None), shape) is None:
-            reason = f"must be finite numbers of shape {shape}"
-            raise ImpactError(StatusCode.INVALID_NORMAL, f"surfaces.{name}", reason)
-    return motion
+    return SurfaceMotion(
+        _part_of_motion(motion, "position", (3, 12)),
+        _part_of_motion(motion, "normal", (3, 12)),
+        _part_of_motion(motion, "position_by_normal", (3, 3)),
+    )
+
+
+def _part_of_motion(motion: SurfaceMotion, name: str, shape: tuple[int, int]) -> Array:
+    array = as_finite_array(getattr(motion, name, None), shape)
+    if array is None:
+        reason = f"must be finite numbers of shape {shape}"
+        raise ImpactError(StatusCode.INVALID_NORMAL, f"surfaces.{name}", reason)
+    return array
 
 
 def _free_flight_rate(body: Body, gravity: Vec3) -> Array:

@@ -55,15 +55,15 @@ bool holds_without_friction(int law, const Bounded<double>* law_input) {
   return rests_after((one + law_input[LAW_INPUT_RESTITUTION]) * j) && (law == LAW_MOREAU || rests_after(none));
 }
 
-// Whether an impulse P with these derivatives by friction, in one direction, gains energy as friction rises from 0.
-bool gains_by_friction(const Bounded<double>* law_input, const Impulse& P, const Impulse& by_friction, int direction) {
+// The energy that an impulse P with these derivatives by friction gains in one direction.
+double gain_by_friction(const Bounded<double>* law_input, const Impulse& P, const Impulse& by_friction, int direction) {
   double gain = 0;
   for (int i = 0; i < AXES; ++i) {
     double u_after = law_input[LAW_INPUT_U + i].value;
     for (int j = 0; j < AXES; ++j) u_after += law_input[LAW_INPUT_K + k_index[i][j]].value * P.value[j].value;
     gain += by_friction.d[i][direction] * u_after;
   }
-  return gain > 0;
+  return gain;
 }
 
 // Differentiate the impulse of a law by friction, where there is none: slip and stick meet in one point, where a law
@@ -91,8 +91,9 @@ void differentiate_law(int law, const Bounded<double>* law_input, Seeds& seeds, 
   Impulse friction_part;
   differentiate_by_friction(law, law_input, seeds, &friction_part);
   if (law == LAW_MOREAU && law_input[LAW_INPUT_RESTITUTION].value == 1) {
-    const int rising = std::max_element(by_friction, by_friction + DenseDerivatives::DIRECTIONS) - by_friction;
-    if (gains_by_friction(law_input, *y, friction_part, rising))
+    auto is_less = [](double a, double b) { return std::fabs(a) < std::fabs(b); };
+    const int most = std::max_element(by_friction, by_friction + DenseDerivatives::DIRECTIONS, is_less) - by_friction;
+    if (gain_by_friction(law_input, *y, friction_part, most) * by_friction[most] > 0)  // as friction rises from 0
       differentiate_by_friction(LAW_COULOMB, law_input, seeds, &friction_part);
   }
   y->kinks |= friction_part.kinks;
@@ -218,7 +219,7 @@ struct Differentiation {
     SparseDual in[INPUTS], y[CHANGES];
     bool loses_inertia = false;
     for (int i = 0; i < INPUTS; ++i) {
-      const double number = scaled(x[i], units.power_of(input_units[i]));
+      const double number = limited(i, scaled(x[i], units.power_of(input_units[i])));
       in[i] = SparseDual(Make<Bounded<double>>::constant(number));
       loses_inertia = loses_inertia || (is_inertia(i) && number == 0 && x[i] != 0);
     }
@@ -254,6 +255,11 @@ struct Differentiation {
       return x == 0 || std::isinf(x) || (0x1p-60 < std::fabs(x) && std::fabs(x) < 0x1p60);
     };
     return std::all_of(x, x + INPUTS, is_usual) ? Units{} : Units::of(x, false);
+  }
+  // Friction, and the threshold of restitution, no greater than matters: their squares are in the range of doubles.
+  static double limited(int i, double x) {
+    const bool may_be_any = i == IN_CONTACT + CONTACT_FRICTION || i == IN_MODEL + MODEL_RESTITUTION_THRESHOLD;
+    return may_be_any ? std::fmin(x, 0x1p500) : x;
   }
   // Whether an input is a moment or product of inertia. In units in which it is 0, the body would not turn.
   static bool is_inertia(int i) { return i < IN_CONTACT && i % BODY >= BODY_INERTIA_XX && i % BODY <= BODY_INERTIA_ZZ; }

@@ -31,9 +31,11 @@ from ...numbers.operations import (
     choose,
     error_of,
     fixed,
+    for_derivatives,
     iterate,
     maximum,
     minimum,
+    negation,
     relative_exponential,
     relative_logarithm,
     square_root,
@@ -47,6 +49,9 @@ RAY_STEPS = 60
 
 NO_COUPLING = 2.0**-40
 """Relative size up to which the coupling between two axes is rounding."""
+
+SLIGHT = 2.0**-44
+"""Slip before the impact, relative to the approach speed, that is rounding, and for derivatives none."""
 
 FAINT = 2.0**-1000
 """A slope that marks a kink for derivatives without changing any of them."""
@@ -134,8 +139,9 @@ class FirstSlip(NamedTuple):
     Attributes:
         t1, t2, s, u_n: direction and speed of the slip, and normal velocity.
         slips: whether the contact slips before the impact, by more than the error of its slip.
-        sticks: whether it neither slips before the impact nor after it.
+        sticks: whether it neither slips before the impact, but for rounding, nor after it.
         h1, h2: for derivatives, the impulse that ends a slip which begins and ends at once.
+        kink: 0, with a kink for derivatives if slip out of rest could begin in another direction.
     """
 
     t1: Scalar
@@ -146,12 +152,19 @@ class FirstSlip(NamedTuple):
     sticks: Condition
     h1: Scalar
     h2: Scalar
+    kink: Scalar
 
 
 def first_slip(path: Path, ray: Ray, slip: Tangential, speed: Scalar) -> FirstSlip:
     """The first slip. If it is 0, or nothing is known of it but its error, it begins along the ray."""
     o = 0 * path.A11
     v1, v2 = certain(slip.x), certain(slip.y)
+    w1, w2 = v1 / certain(speed), v2 / certain(speed)
+    # For derivatives: out of rest, slip grows along the ray; if the contact sticks, any slip ends at once.
+    is_slight = fixed(abs(w1) + abs(w2)) <= SLIGHT
+    sticks = ray.sticks & is_slight
+    v1 = for_derivatives(v1, lambda: choose(is_slight, lambda: o, lambda: v1))
+    v2 = for_derivatives(v2, lambda: choose(is_slight, lambda: o, lambda: v2))
     span = abs(v1) + abs(v2)
     slips = span > certain(error_of(slip.x) + error_of(slip.y))
     scale = fixed(span)
@@ -159,16 +172,13 @@ def first_slip(path: Path, ray: Ray, slip: Tangential, speed: Scalar) -> FirstSl
     t2 = choose(slips, lambda: v2 / scale, lambda: ray.z2)
     size = Tangential(t1, t2).length()
     t1, t2 = t1 / size, t2 / size
-    s = choose(slips, lambda: scale * size / certain(speed), lambda: o)
-    # For derivatives: out of rest, slip grows along the ray; if the contact sticks, it ends any slip at once.
-    at_rest, (w1, w2) = fixed(span) <= 0, (v1 / certain(speed), v2 / certain(speed))
+    along_ray = choose(sticks, lambda: o, lambda: w1 * ray.z1 + w2 * ray.z2)
+    s = choose(slips, lambda: scale * size / certain(speed), lambda: varying_as(o, lambda: along_ray))
     h1, h2 = path.solve(w1, w2)
-    sticks = ray.sticks & at_rest
-    along_ray = w1 * ray.z1 + w2 * ray.z2
-    s = choose(slips, lambda: s, lambda: varying_as(s, lambda: along_ray))
-    s = choose(sticks, lambda: fixed(s), lambda: s)
     u_n = choose(sticks, lambda: varying_as(o - 1, lambda: -(path.b1 * h1 + path.b2 * h2)), lambda: o - 1)
-    return FirstSlip(t1, t2, s, u_n, slips, sticks, h1, h2)
+    grows = abs(varying_as(o, lambda: w1)) + abs(varying_as(o, lambda: w2))
+    kink = varying_as(o, lambda: choose(is_slight & negation(sticks), lambda: FAINT * grows, lambda: o))
+    return FirstSlip(t1, t2, s, u_n, slips, sticks, h1, h2, kink)
 
 
 class StraightRest(NamedTuple):
@@ -269,7 +279,8 @@ def tangential_impulse(
     P1 = choose(first.sticks, lambda: varying_as(P1, lambda: P1 - first.h1), lambda: P1 - t2 * P_q)
     P2 = choose(first.sticks, lambda: varying_as(P2, lambda: P2 - first.h2), lambda: P2 + t1 * P_q)
     is_straight = first.slips & (y.slip_error <= 0)
-    kink = varying_as(o, lambda: choose(is_straight, lambda: _kink_of_turn(path, t1, t2, rest.w), lambda: o))
+    turn = choose(is_straight, lambda: _kink_of_turn(path, t1, t2, rest.w), lambda: o)
+    kink = varying_as(o, lambda: turn + first.kink)
     return P1 + kink, P2 + kink, kink
 
 
