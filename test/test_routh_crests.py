@@ -126,3 +126,64 @@ def test_going_back_to_the_end_of_compression_is_no_jam(law):
     """A step may lead past it, to where friction jams. The impact ends before that."""
     for beyond, tolerance in product((1e-3, 1e-4, 1e-5, 1e-6), TOLERANCES):
         assert resolved(law, (1 + beyond) / rise(), 0.0, tolerance).regime.name == "SLIDING"
+
+
+FLAT_K = [[20.0, -2.0, 4.0], [-2.0, 80.0, 0.0], [4.0, 0.0, 1.0]]
+FLAT_SLIP = (1.0, -1.0)
+JAM = 0.25
+"""The least friction that jams: then slip along ``b`` presses the bodies together."""
+
+
+@cache
+def risen(mu: float) -> list[tuple[float, float, float]]:
+    """Normal impulse, how far ``u_n`` has risen and its slope, on the path of a slip that passes ``b``."""
+    A11, A12, A22, b = FLAT_K[0][0], FLAT_K[0][1], FLAT_K[1][1], FLAT_K[0][2]
+
+    def rates(y: tuple[float, ...]) -> tuple[float, ...]:
+        t1, t2, s = y[:3]
+        f1, f2 = b - mu * (A11 * t1 + A12 * t2), -mu * (A12 * t1 + A22 * t2)
+        w = t1 * f2 - t2 * f1
+        return -t2 * w, t1 * w, s * (t1 * f1 + t2 * f2), s * (1 - mu * b * t1), s
+
+    def after(y: tuple[float, ...], h: float, rate: tuple[float, ...]) -> tuple[float, ...]:
+        return tuple(x + h * slope for x, slope in zip(y, rate, strict=True))
+
+    size, h = math.hypot(*FLAT_SLIP), 2e-4
+    y: tuple[float, ...] = FLAT_SLIP[0] / size, FLAT_SLIP[1] / size, size, 0.0, 0.0
+    found = []
+    while y[2] > 1e-3 and len(found) < 20000:
+        k1 = rates(y)
+        found.append((y[4], y[3], k1[3] / y[2]))
+        k2 = rates(after(y, h / 2, k1))
+        k3 = rates(after(y, h / 2, k2))
+        k4 = rates(after(y, h, k3))
+        y = after(after(after(after(y, h / 6, k1), h / 3, k2), h / 3, k3), h / 6, k4)
+    return found
+
+
+def first_passed(mu: float, rise: float) -> float:
+    """The normal impulse at which ``u_n`` has first risen so far; infinite if it does not while it slips."""
+    path = risen(mu)
+    i = next((i for i, (_, height, _) in enumerate(path) if height >= rise), None)
+    if i is None:
+        return math.inf
+    (p0, u0, _), (p1, u1, _) = path[i - 1 : i + 1]
+    return p0 + (p1 - p0) * (rise - u0) / (u1 - u0)
+
+
+@pytest.mark.parametrize("off", [sign * 10.0**-k for k in range(3, 8) for sign in (1, -1)] + [0.0])
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_compression_ends_where_u_n_hardly_rises_for_a_while(law, off):
+    """Next to the friction that jams, ``u_n`` passes 0 with next to no slope. A step beyond tells nothing."""
+    mu = JAM * (1 + off)
+    _, flat, _ = min(risen(mu), key=lambda point: point[2])
+    for beyond, tolerance in product(BEYOND[:14], TOLERANCES):
+        approach = flat * (1 + beyond)
+        expected = first_passed(mu, approach)
+        found = resolve_contact(
+            FLAT_K, (*FLAT_SLIP, -approach), (0, 0, 1), 0.0, mu, ImpactModel(law, tolerance=tolerance)
+        )
+        if expected < math.inf:  # the chord between two points is off by less than 1e-5
+            assert abs(found.normal_impulse / expected - 1) <= 3 * found.error_bound + 1e-5
+        else:
+            assert found.normal_impulse > risen(mu)[-1][0] or found.error_bound == math.inf

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ...numbers.operations import Scalar, choose, maximum, or_one, square_root
+from ...numbers.operations import Condition, Scalar, choose, maximum, or_one, square_root
+
+NEWTON_STEPS = 3
+"""Steps of Newton's method to a crossing, from that of the chord."""
 
 
 class Cubic(NamedTuple):
@@ -38,3 +41,20 @@ class Cubic(NamedTuple):
         square = self.b * self.b - 4 * self.a * self.slope
         both = square_root(maximum(square, 0 * square)) - self.b
         return choose(both > 0, lambda: 2 * self.slope / both, lambda: 0 * both)
+
+    def flattest(self) -> tuple[Condition, Scalar]:
+        """Whether it rises least within the step, and where."""
+        return (self.b < 0) & (2 * self.a + self.b > 0), -self.b / or_one(2 * self.a)
+
+    def crossing(self) -> Scalar:
+        """About where it passes 0, if it is below at ``x = 0`` and above at ``x = 1``."""
+        x = -self.value / or_one(self.at(1 + 0 * self.value) - self.value)
+        for _ in range(NEWTON_STEPS):
+            x = self._nearer_to_crossing(x)
+        return x
+
+    def _nearer_to_crossing(self, x: Scalar) -> Scalar:
+        """A step of Newton's method, unless it leads out of the step."""
+        slope = self.h * (self.slope + x * (self.b + x * self.a))
+        nearer = x - self.at(x) / or_one(slope)
+        return choose((nearer > 0) & (nearer < 1), lambda: nearer, lambda: x)

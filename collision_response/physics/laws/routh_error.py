@@ -105,6 +105,7 @@ def path_error(
     R = certain(r / c)
     either = choose(r > 0, lambda: minimum(R, rate), lambda: rate)
     sliding_rate = choose(certain(s_c * r + g * D * c) < 0, lambda: either, lambda: R)
+    sliding_rate = choose(rest.in_restitution, lambda: certain(y.slope) / c, lambda: sliding_rate)
     stopped_rate = choose(certain(u_c + D) > 0, lambda: either, lambda: rate)
     e_c = certain(SAFETY * D / choose(slips_on, lambda: sliding_rate, lambda: stopped_rate))
     most_e = certain(e + errors.e)  # e may be wholly uncertain: at the threshold, between 0 and itself

@@ -11,7 +11,8 @@ in which slip on a straight path is linear: ``s = s_0 (1 + g_0 eta)``, and ``x =
 
 A phase ends where a number, ``u_n`` or the work, reaches a limit. If friction jams, the number may reach it
 and fall back within one step. So where it rises and then falls, the step ends at its crest, unless the crest
-surely stays below.
+surely stays below. A step that passes the limit is repeated up to it, unless the way back is straight: what
+lies beyond tells nothing.
 """
 
 from __future__ import annotations
@@ -54,6 +55,9 @@ STEP_ROUNDING = 4e-15
 CREST_SHARE = 1 / 100
 """The part of the tolerance of the path by which a crest of ``u_n`` may be uncertain."""
 
+SHORTER = 1 - 2.0**-20
+"""The part to which a step that passes the end of a phase is reduced, at most."""
+
 LONGEST = 0.95
 """The longest step, in units of the step at whose end slip would stop."""
 
@@ -76,10 +80,10 @@ class ToEnd(NamedTuple):
 
 
 class Crest(NamedTuple):
-    """The greatest value of a number that rises and then falls within a step.
+    """The greatest value of a number that rises from below 0 and then falls within a step.
 
     Attributes:
-        exists: whether the number does so, and is negative at both ends.
+        exists: whether the number does so, or hardly rises for a while.
         at: the part of the step up to the crest.
         height: the value there.
         error: how uncertain it is.
@@ -91,20 +95,21 @@ class Crest(NamedTuple):
     error: Scalar
 
     @classmethod
-    def between(cls, first: ToEnd, last: ToEnd, dx: Scalar) -> Crest:
-        """The crest of the cubic with the same values and slopes at both ends of a step.
+    def of(cls, cubic: Cubic, first: ToEnd, last: ToEnd) -> Crest:
+        """The crest of the cubic between both ends of a step.
 
         It is corrected by the polynomial of degree 5 with the same second derivatives, too. What they may add
         counts as its error.
         """
-        cubic = Cubic.between(first.value, first.slope, last.value, last.slope, dx)
-        x = cubic.crest()
-        rest = 1 - x
+        flattens, flattest = cubic.flattest()
+        x = choose(flattens, lambda: minimum(cubic.crest(), flattest), cubic.crest)
+        rest, dx = 1 - x, cubic.h
         by_first = (first.bend * dx - cubic.b) * dx * rest / 2
         by_last = (last.bend * dx - cubic.b - 2 * cubic.a) * dx * x / 2
         inside = x * x * rest * rest
+        falls = (last.value < 0) & (last.slope < 0)
         return cls(
-            exists=(first.value < 0) & (last.value < 0) & (first.slope > 0) & (last.slope < 0),
+            exists=(first.value < 0) & (first.slope > 0) & (falls | flattens),
             at=x,
             height=cubic.at(x) + inside * (by_first + by_last),
             error=inside * (abs(by_first) + abs(by_last)),
@@ -217,6 +222,7 @@ class TurningSlip(NamedTuple):
         slip_error: error of the slip so far.
         impulse_error: error of the impulses so far, except that caused by ``slip_error``.
         least_s, least_r: the least ``s`` and ``r`` so far.
+        slope: of ``u_n`` where compression ended.
         crest, crest_of_work: how far the crests that decide when a phase ends are from its end, at least:
             those of ``u_n`` in compression, and those of the work over ``c`` in restitution.
     """
@@ -239,6 +245,7 @@ class TurningSlip(NamedTuple):
     impulse_error: Scalar
     least_s: Scalar
     least_r: Scalar
+    slope: Scalar
     crest: Scalar
     crest_of_work: Scalar
 
@@ -255,7 +262,8 @@ def turn(path: Path, t1: Scalar, t2: Scalar, s: Scalar, u_n: Scalar) -> TurningS
     h = 0.3 / (path.fastest_rate() + 1e-300)
     start = TurningSlip(
         t1, t2, s, u_n, x=o, W=o, P1=o, P2=o, heat=o, p_c=o, W_c=o, h=h, h_end=o, excess_turn=o,
-        slip_error=o, impulse_error=o, least_s=s, least_r=1 + o, crest=1 + o, crest_of_work=NEVER + o,
+        slip_error=o, impulse_error=o, least_s=s, least_r=1 + o, slope=o, crest=1 + o,
+        crest_of_work=NEVER + o,
     )  # fmt: skip
     exact = path._replace(c=certain(path.c), m=certain(path.m))
     y = look_ahead(exact, values(start))
@@ -299,14 +307,12 @@ def look_ahead(path: Path, y: TurningSlip) -> TurningSlip:
     far = choose(compressing, lambda: choose(r > 0, x_to_end_of_impact, lambda: never), lambda: abs(x))
     far = choose((s + g * far > 0) | (g >= 0), lambda: far, lambda: s / -g)
     allowed = path.tolerance / 4 * maximum(s, m * path.least_eigenvalue())
-    is_past = compressing & (u_n > 0)  # a step leads back
     y = y._replace(
         h_end=h_end,
         excess_turn=m * abs(w) * far - allowed,
-        least_r=choose(is_past, lambda: y.least_r, lambda: minimum(y.least_r, r)),
+        least_r=minimum(y.least_r, r),
         least_s=minimum(y.least_s, s),
     )
-
     return _keep_direction(path, y, g, w, far, allowed)
 
 
@@ -384,13 +390,34 @@ def step(path: Path, y: TurningSlip) -> TurningSlip:
         slip_error=y.slip_error + relative_error * maximum(s, y.s),
         impulse_error=y.impulse_error + relative_error * abs(dx),
     )  # fmt: skip
-    crest = Crest.between(path.to_end_of_phase(y), path.to_end_of_phase(moved), dx)
-    is_fine, is_missed = ratio <= 1, crest.is_missed(CREST_SHARE * path.tolerance)
-    shorter = choose(is_fine, lambda: crest.at * h, lambda: next_h)
+    first, last = path.to_end_of_phase(y), path.to_end_of_phase(moved)
+    cubic = Cubic.between(first.value, first.slope, last.value, last.slope, dx)
+    crest = Crest.of(cubic, first, last)
+    is_too_long, is_missed = negation(ratio <= 1), crest.is_missed(CREST_SHARE * path.tolerance)
+    back = choose(last.value > 0, lambda: dx, lambda: 0 * dx)
+    is_past = (first.value < 0) & (last.value > 0) & negation(_is_near(path, moved, _x_to_end(last, back)))
+
+    def shorter() -> Scalar:
+        up_to = choose(is_missed, lambda: crest.at, lambda: minimum(cubic.crossing(), SHORTER * one))
+        return choose(is_too_long, lambda: next_h, lambda: up_to * h)
+
     after = choose(
-        is_fine & negation(is_missed), lambda: _with_crest(moved, crest), lambda: y._replace(h=shorter)
+        is_too_long | is_missed | is_past, lambda: y._replace(h=shorter()), lambda: _with_crest(moved, crest)
     )
-    return look_ahead(path, _restitution_if_near(path, after))
+    return look_ahead(path, _restitution_if_near(path, after, back))
+
+
+def _x_to_end(end: ToEnd, back: Scalar) -> Scalar:
+    """The impulse to the end of a phase if the slope stays, which leads back by ``back`` at most."""
+    ahead = choose(end.value > 0, lambda: -back, lambda: NEVER + 0 * back)
+    return maximum(choose(end.slope > 0, lambda: -end.value / end.slope, lambda: ahead), -back)
+
+
+def _is_near(path: Path, y: TurningSlip, x: Scalar) -> Condition:
+    """Whether the path is straight over an impulse ``x``, which may lead back."""
+    g, w, _ = path.rates(y.t1, y.t2)
+    change, allowed = (abs(w) + abs(g)) * abs(x), path.tolerance / 20 * y.s  # change: of slip
+    return (abs(x) < NEVER) & (change * change <= allowed * y.s) & (change * abs(x) <= allowed)
 
 
 def _slopes(path: Path, y: TurningSlip, h: Scalar, decay: Scalar) -> list[tuple[Scalar, ...]]:
@@ -431,13 +458,13 @@ def _with_crest(y: TurningSlip, crest: Crest) -> TurningSlip:
     )
 
 
-def _restitution_if_near(path: Path, y: TurningSlip) -> TurningSlip:
+def _restitution_if_near(path: Path, y: TurningSlip, back: Scalar) -> TurningSlip:
     """Begin restitution if the end of compression is so near that the path to it is straight."""
     c, m = path.c, path.m
     g, w, r = path.rates(y.t1, y.t2)
-    x = choose(r > 0, lambda: -y.u_n / r, lambda: NEVER + 0 * r)
-    a, change = w * x / y.s, (abs(w) + abs(g)) * abs(x)  # the turn, and how far slip changes
     bend = path.bend_of_u_n(y.t1, y.t2, y.s, w)
+    x = _x_to_end(ToEnd(y.u_n, r, bend), back)
+    a, change = w * x / y.s, (abs(w) + abs(g)) * abs(x)  # the turn, and how far slip changes
 
     def begin() -> TurningSlip:
         return y._replace(
@@ -446,9 +473,7 @@ def _restitution_if_near(path: Path, y: TurningSlip) -> TurningSlip:
             p_c=c * (y.x + x), W_c=y.W + c * x * y.u_n / 2,
             slip_error=y.slip_error + change * change / y.s,
             impulse_error=y.impulse_error + change * abs(x) / y.s,
-            crest=choose(bend < 0, lambda: minimum(y.crest, r * r / (-2 * bend)), lambda: y.crest),
+            slope=r, crest=minimum(y.crest, r * r / (2 * abs(bend) + 1 / NEVER)),  # before the end, or beyond
         )  # fmt: skip
 
-    allowed = path.tolerance / 20 * y.s
-    near = (abs(x) < NEVER) & (change * change <= allowed * y.s) & (change * abs(x) <= allowed)
-    return choose((y.p_c <= 0) & near, begin, lambda: y)
+    return choose((y.p_c <= 0) & _is_near(path, y, x), begin, lambda: y)
