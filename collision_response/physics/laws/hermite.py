@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ...numbers.operations import Condition, Scalar, choose, maximum, or_one, square_root
+from ...numbers.operations import Condition, Scalar, choose, maximum, minimum, or_one, square_root
 
 NEWTON_STEPS = 3
 """Steps of Newton's method to a crossing, from that of the chord."""
@@ -43,8 +43,10 @@ class Cubic(NamedTuple):
         return choose(both > 0, lambda: 2 * self.slope / both, lambda: 0 * both)
 
     def flattest(self) -> tuple[Condition, Scalar]:
-        """Whether it rises least within the step, and where."""
-        return (self.b < 0) & (2 * self.a + self.b > 0), -self.b / or_one(2 * self.a)
+        """Whether it rises much less within the step than at both ends, and where it rises least."""
+        x, last = -self.b / or_one(2 * self.a), self.slope + self.b + self.a
+        is_inside = (self.b < 0) & (2 * self.a + self.b > 0)
+        return is_inside & (2 * self.slope + self.b * x < minimum(self.slope, last)), x
 
     def crossing(self) -> Scalar:
         """About where it passes 0, if it is below at ``x = 0`` and above at ``x = 1``."""
