@@ -163,6 +163,13 @@ def test_the_lifetime_must_fit_a_duration_message(shown):
     node._show(answered())
 
 
+@pytest.mark.parametrize(("lifetime", "nanoseconds"), [(0.0, 0), (1e-12, 1), (1.6e-9, 2), (0.1, 10**8)])
+def test_only_a_lifetime_of_0_is_forever(lifetime, nanoseconds):
+    drawing = DRAWING._replace(lifetime=lifetime)
+    for marker in markers_of(Header(), [SLIDES], drawing, count()).markers:
+        assert (marker.lifetime.sec, marker.lifetime.nanosec) == (0, nanoseconds)
+
+
 def test_the_wrench_is_about_the_origin_of_the_frame():
     """Force P/T, torque x cross P/T."""
     wrench = wrench_of(Header(frame_id="world"), SLIDES, 0.5)

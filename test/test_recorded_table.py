@@ -316,12 +316,14 @@ def _assert_refused_as_foreign(path, capsys):
     ],
     ids=["points", "some columns", "status alone", "a number for a word"],
 )
-def test_a_recording_of_something_else_is_refused_in_one_line(tmp_path, capsys, entity, content):
+@pytest.mark.parametrize("timeline", ["answer", "frame", None])
+def test_a_recording_of_something_else_is_refused_in_one_line(tmp_path, capsys, entity, content, timeline):
     path = tmp_path / "other.rrd"
     with rr.RecordingStream("other") as stream:
         stream.save(path)
-        stream.set_time("answer", sequence=1)
-        stream.log(entity, content)
+        if timeline:
+            stream.set_time(timeline, sequence=1)
+        stream.log(entity, content, static=not timeline)
         stream.disconnect()
     _assert_refused_as_foreign(path, capsys)
 

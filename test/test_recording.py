@@ -491,6 +491,93 @@ def test_entries_beyond_the_queue_are_dropped_and_counted(tmp_path, monkeypatch)
     assert problems[1:] == [f"recording {recorder.path} lacks 15 entries, which came too fast"]
 
 
+def scene_of(count, sequence=1):
+    """A scene of many balls, of which two touch."""
+    balls = [Body.sphere(1.0, 0.5, position=(x, 0, 0), velocity=(-x, 0, 0)) for x in range(count)]
+    asked = balls, [(2, 1)], [Contact.of((1.5, 0, 0), (1, 0, 0), 0.5)], ImpactModel()
+    return SceneRecord(sequence, sequence, [f"ball {x}" for x in range(count)], *asked, resolve_scene(*asked))
+
+
+def test_of_a_scene_only_bodies_with_a_contact_are_drawn(tmp_path):
+    path = recorded(tmp_path, [scene_of(5)])
+    assert {
+        entity for entity in RrdReader(str(path)).store().schema().entity_paths() if "/bodies/" in entity
+    } == {r"/world/bodies/ball\ 1", r"/world/bodies/ball\ 2"}
+
+
+def test_a_scene_of_many_bodies_counts_as_many_entries(tmp_path, monkeypatch):
+    go_on, problems = threading.Event(), []
+
+    class SlowWriter:
+        def __init__(self, path, recording):
+            go_on.wait(DEADLINE)
+
+        def __enter__(self):
+            return SimpleNamespace(write=lambda _: None, file=FILE)
+
+        def __exit__(self, *_):
+            pass
+
+    monkeypatch.setattr("collision_response.recording.writer.Writer", SlowWriter)
+    recorder = Recorder(tmp_path, problems.append, capacity=25)
+    for sequence in range(1, 11):
+        recorder.add(scene_of(20, sequence))
+    go_on.set()
+    recorder.close()
+    assert recorder.dropped == 7
+    assert problems[-1].endswith("lacks 7 entries, which came too fast")
+
+
+def test_a_batch_is_written_in_parts_of_few_bodies(tmp_path, monkeypatch):
+    """So that a file may end between them. All states of one body are in one part."""
+    parts = []
+
+    class Spy:
+        def __init__(self, path, recording):
+            pass
+
+        def __enter__(self):
+            return SimpleNamespace(write=parts.append, file=FILE)
+
+        def __exit__(self, *_):
+            pass
+
+    monkeypatch.setattr("collision_response.recording.writer.Writer", Spy)
+    monkeypatch.setattr("collision_response.recording.recorder.PART", 3)
+    monkeypatch.setattr("collision_response.recording.recorder.INTERVAL", DEADLINE)
+    recorder = Recorder(tmp_path, pytest.fail)
+    for stamp, name in itertools.product((1, 2), "edcba"):
+        recorder.add(BodyRecord(stamp, name, Body.sphere(1.0, 0.5)))
+    recorder.add(scene_of(5))
+    recorder.close()
+    assert [[entry.name for entry in part] for part in parts[:1]] == [["a", "a", "b", "b", "c", "c"]]
+    assert [type(entry) for part in parts[1:] for entry in part] == [BodyRecord] * 4 + [SceneRecord]
+    assert [len(part) for part in parts[1:]] == [4, 1]
+
+
+def test_entries_that_there_is_no_time_for_at_the_end_are_counted(tmp_path, monkeypatch):
+    """The file is complete all the same."""
+    written, problems = [], []
+
+    class SlowWriter(Writer):
+        def write(self, batch):
+            written.extend(batch)
+            super().write(batch)
+            recorder._write_until = 0.0  # as if the time were over
+
+    monkeypatch.setattr("collision_response.recording.writer.Writer", SlowWriter)
+    monkeypatch.setattr("collision_response.recording.recorder.PART", 2)
+    monkeypatch.setattr("collision_response.recording.recorder.INTERVAL", DEADLINE)
+    recorder = Recorder(tmp_path, problems.append)
+    for sequence in range(1, 6):
+        recorder.add(impact(sequence)._replace(name_a=f"ball {sequence}"))
+    recorder.close(DEADLINE)
+    assert [entry.sequence for entry in written] == [1]
+    assert recorder.late == recorder.missing() == 4
+    assert problems == [f"recording {recorder.path} lacks 4 entries, for which there was no time at the end"]
+    verify(recorder.path)
+
+
 def test_each_gap_counts_its_own_entries(tmp_path, monkeypatch):
     written, turns = [], [(threading.Event(), threading.Event()) for _ in range(2)]
     waiting = iter(turns)

@@ -157,6 +157,11 @@ def test_the_twist_after_a_pause_of_tf_is_unknown(pause):
         from_transforms(transform(100.0), transform(100.0 + pause, (1, 0, 0)), MATTER)
 
 
+def test_a_pause_is_longer_than_the_transforms_are_apart():
+    state = from_transforms(transform(100.0), transform(104.0, (1, 0, 0)), MATTER, longest=5.0)
+    assert state.twist.linear.x == pytest.approx(0.25)
+
+
 @pytest.fixture
 def start(graph):
     """Start the node under test; what it publishes is in ``heard``."""

@@ -62,6 +62,10 @@ class SceneRecord(NamedTuple):
     model: ImpactModel
     impact: SceneImpact
 
+    def touching(self) -> list[int]:
+        """Indices of the bodies that have a contact. The others do not change, and are not drawn."""
+        return sorted({i for pair in self.pairs for i in pair})
+
 
 class BodyRecord(NamedTuple):
     """State of a body that was received, whether or not the body collides.
@@ -108,6 +112,19 @@ class Gap(NamedTuple):
 
 
 Entry = Record | SceneRecord | BodyRecord | Refusal | Gap
+
+
+def body_names(entry: Entry) -> Sequence[str]:
+    """Names of the bodies of an entry that are drawn."""
+    match entry:
+        case BodyRecord():
+            return (entry.name,)
+        case Record():
+            return entry.name_a, entry.name_b
+        case SceneRecord():
+            return [entry.names[i] for i in entry.touching()]
+    return ()
+
 
 INT64 = np.iinfo(np.int64)
 

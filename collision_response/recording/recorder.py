@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 import os
 import queue
 import sys
@@ -15,13 +16,22 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .record import BodyRecord, Entry, Gap, UnwritableEntries, has_place
+from .record import BodyRecord, Entry, Gap, SceneRecord, UnwritableEntries, body_names, has_place
 
 if TYPE_CHECKING:
     from .writer import Writer
 
 CAPACITY = 10_000
-"""Number of entries that may wait. Further entries are dropped."""
+"""Number of entries that may wait. Further entries are dropped. A scene counts as one for each two bodies."""
+
+PART = 1000
+"""Number of bodies that are written at once, at most, but for a larger scene."""
+
+THREAD = "recording"
+"""Name of the thread that writes."""
+
+WRITING_SHARE = 0.3
+"""The part of the time to close in which entries are written. To complete a file takes some, too."""
 
 INTERVAL = 2.0
 """Time [s] between two batches. A batch is also written as soon as half of the capacity waits.
@@ -51,6 +61,11 @@ def check_name(name: str) -> None:
         raise ValueError(f"must be a plain file name, without a directory; is {name!r}")
     if name and Path(name).suffix != ".rrd":
         raise ValueError(f"must end in .rrd; is {name!r}")
+
+
+def _size(entry: Entry) -> int:
+    """How many entries it counts as: an impact has two bodies."""
+    return max(1, len(entry.bodies) // 2) if isinstance(entry, SceneRecord) else 1
 
 
 def _printable(text: str) -> str:
@@ -84,6 +99,7 @@ class Recorder:
             them.
         abandoned: number of entries that waited when the recorder stopped because of an error, or came later,
             and those of the batch that it was writing, of which the file may hold some.
+        late: number of entries that there was no time for when the recorder was closed.
         untimed: number of body states without a stamp, which have no place on any timeline.
     """
 
@@ -105,9 +121,9 @@ class Recorder:
             report: called with the text of each problem, from any thread.
             opened: called with a text when a file has been opened, from the worker.
             name: name of the first file, which must not exist yet. Empty: a name made from the time.
-            max_size: largest file [MB], exceeded by at most one batch; 0: no limit.
+            max_size: largest file [MB], exceeded by a part of a batch at most; 0: no limit.
             max_duration: longest time [s] from the first entry of a file to its last batch; 0: no limit.
-            capacity: number of entries that may wait.
+            capacity: number of entries that may wait, as ``CAPACITY``.
 
         Raises:
             ValueError: as :func:`check_name`.
@@ -116,7 +132,7 @@ class Recorder:
         self.path = directory.absolute() / (
             name or f"collision_response_{datetime.now():%Y-%m-%d_%H-%M-%S.%f}.rrd"
         )
-        self.dropped = self.unwritable = self.abandoned = self.untimed = 0
+        self.dropped = self.unwritable = self.abandoned = self.late = self.untimed = 0
         self._first = self.path
         self._number = 0
         self._tell_problem = report
@@ -125,12 +141,15 @@ class Recorder:
         self._max_duration = max_duration
         self._capacity = capacity
         self._unwritten: list[Entry] = []  # the batch that is being written
-        self._held_back: list[Entry] = []  # body states for a later batch
+        self._held_back: list[BodyRecord] = []  # body states for a later batch
         self._queue: queue.SimpleQueue[Entry | None] = queue.SimpleQueue()
+        self._waiting = 0  # size of the entries in the queue
+        self._counting = threading.Lock()
+        self._write_until = math.inf
         self._closing = threading.Event()
         self._due = threading.Event()
         self._stopped = threading.Event()
-        self._worker = threading.Thread(target=self._work, name="recording", daemon=True)
+        self._worker = threading.Thread(target=self._work, name=THREAD, daemon=True)
         self._worker.start()
 
     def add(self, entry: Entry) -> None:
@@ -138,34 +157,43 @@ class Recorder:
         if self._stopped.is_set():
             self.abandoned += not self._closing.is_set()
             return
-        waiting = self._queue.qsize()
-        if waiting >= self._capacity:
+        size = _size(entry)
+        with self._counting:
+            before = self._waiting
+            if before < self._capacity:
+                self._waiting += size
+                self._queue.put(entry)
+        if before >= self._capacity:
             self.dropped += 1
             if self.dropped == 1:
                 self._report(f"recording {self.path} cannot keep up: entries are dropped")
-            return
-        self._queue.put(entry)
-        if waiting == self._capacity // 2:
+        elif before <= self._capacity // 2 < before + size:
             self._due.set()
 
     def missing(self) -> int:
         """Number of entries that are not recorded."""
-        return self.dropped + self.unwritable + self.abandoned
+        return self.dropped + self.unwritable + self.abandoned + self.late
 
     def close(self, timeout: float = 10.0) -> None:
-        """Write what waits and complete the file, within a time [s]. A second call does nothing."""
+        """Write what waits and complete the file, within a time [s]. A second call does nothing.
+
+        Entries that there is no time for are left out.
+        """
         if self._closing.is_set():
             return
+        timeout = min(timeout, threading.TIMEOUT_MAX)
+        self._write_until = time.monotonic() + WRITING_SHARE * timeout
         self._closing.set()
         self._due.set()
         self._queue.put(None)
-        self._worker.join(min(timeout, threading.TIMEOUT_MAX))
+        self._worker.join(timeout)
         if self._worker.is_alive():
             self._report(f"recording {self.path} is not complete: it took more than {timeout:.3g} s")
         for count, which in (
             (self.dropped, "entries, which came too fast"),
             (self.unwritable, "entries, which cannot be written"),
             (self.untimed, "body states, which had no stamp"),
+            (self.late, "entries, for which there was no time at the end"),
         ):
             if count:
                 self._report(f"recording {self._first} lacks {count} {which}")
@@ -181,50 +209,57 @@ class Recorder:
 
             if is_first:
                 gc.freeze()  # the garbage collector would search all of rerun, too, which takes 50 ms
-            recording, batches = Recording(), self._batches()
+            recording, parts = Recording(), self._parts()
             remaining: list[Entry] | None = []
             while remaining is not None:
                 with Writer(self.path, recording) as writer:
                     self._opened(_printable(f"recording to {self.path}"))
                     problem = "recording {} has stopped: {}"
-                    remaining = self._fill(writer, remaining, batches)
+                    remaining = self._fill(writer, remaining, parts)
                 if remaining is not None:
                     self.path = self._next_path()
         except Exception as error:  # of rerun or the disk; it must not reach the caller
-            queued = [self._queue.get() for _ in range(self._queue.qsize())]
-            lost = [*self._unwritten, *self._held_back, *queued]
-            self.abandoned += sum(not isinstance(entry, Gap | None) for entry in lost)
+            self.abandoned += self._left()
             self._report(problem.format(self.path, str(error) or type(error).__name__))
         finally:
             self._stopped.set()
 
-    def _fill(self, writer: Writer, first: list[Entry], batches: Iterator[list[Entry]]) -> list[Entry] | None:
-        """Write one file, and return the first batch of the next one, or ``None`` if the recording ends."""
+    def _left(self) -> int:
+        """Number of entries that are not written."""
+        queued = [self._queue.get() for _ in range(self._queue.qsize())]
+        left = [*self._unwritten, *self._held_back, *queued]
+        return sum(not isinstance(entry, Gap | None) for entry in left)
+
+    def _fill(self, writer: Writer, first: list[Entry], parts: Iterator[list[Entry]]) -> list[Entry] | None:
+        """Write one file, and return the first part of the next one, or ``None`` if the recording ends."""
         begin, file = None, writer.file
-        for batch in filter(None, chain([first], batches)):
-            self._unwritten = batch
+        for part in filter(None, chain([first], parts)):
             if not file.is_in_place():
                 self._report(f"recording {writer.path} was removed; recording continues in a new file")
-                return batch
+                return part
             if begin is None:
                 begin = time.monotonic()
             elif 0 < self._max_size <= file.size() or 0 < self._max_duration <= time.monotonic() - begin:
-                return batch
-            self._write(writer, batch)
+                return part
+            if time.monotonic() > self._write_until:
+                self.late = self._left()
+                break
+            self._write(writer, part)
         if not file.is_in_place():
             self._report(f"recording {writer.path} was removed")
         return None
 
-    def _write(self, writer: Writer, batch: list[Entry]) -> None:
-        """Write a batch, with gaps in place of answers that cannot be written."""
+    def _write(self, writer: Writer, part: list[Entry]) -> None:
+        """Write a part of a batch, with gaps in place of answers that cannot be written."""
         try:
-            writer.write(batch)
+            writer.write(part)
         except UnwritableEntries as error:
             fault = "".join(traceback.format_exception(error.__cause__))
             self._leave_out(len(error.entries), f"\n{fault}")
             unwritable = {id(entry) for entry in error.entries}
             why = f"this cannot be written: {error.__cause__!r}"
-            self._unwritten = rest = [entry for entry in batch if id(entry) not in unwritable]
+            rest = [entry for entry in part if id(entry) not in unwritable]
+            self._unwritten = [entry for entry in self._unwritten if id(entry) not in unwritable]
             gaps = [Gap(e.stamp, e.sequence, 1, why) for e in error.entries if not isinstance(e, BodyRecord)]
             writer.write([*rest, *gaps])
 
@@ -241,6 +276,20 @@ class Recorder:
             path = self._first.with_stem(f"{self._first.stem}_{self._number:03d}")
             if not os.path.lexists(path):  # also not as a link to nowhere
                 return path
+
+    def _parts(self) -> Iterator[list[Entry]]:
+        """Yield the parts of the batches: of ``PART`` bodies at most, or one scene."""
+        for batch in self._batches():
+            first, names = 0, set[str]()
+            for i, entry in enumerate(batch):
+                names.update(body_names(entry))
+                if i > first and len(names) > PART:
+                    self._unwritten = batch[first:]
+                    yield batch[first:i]
+                    first, names = i, {*body_names(entry)}
+            self._unwritten = batch[first:]
+            yield batch[first:]
+            self._unwritten = []
 
     def _batches(self) -> Iterator[list[Entry]]:
         """Yield the batches to write, until :meth:`close`.
@@ -264,6 +313,7 @@ class Recorder:
             batch: list[Entry] = [entry for entry in entries if not isinstance(entry, BodyRecord)]
             is_old = time.monotonic() - since >= STATES_INTERVAL
             if last or is_old or len(states) >= self._capacity // 2:
+                states.sort(key=lambda state: state.name)  # a body costs the less, the fewer parts it is in
                 batch, self._held_back = states + batch, []
             yield batch
 
@@ -282,6 +332,8 @@ class Recorder:
         self._due.clear()
         while not self._queue.empty():
             waiting.append(self._queue.get())
+        with self._counting:
+            self._waiting -= sum(_size(entry) for entry in waiting if entry is not None)
         return waiting
 
     def _is_on_timeline(self, entry: Entry) -> bool:

@@ -172,6 +172,8 @@ def read(
             raise _foreign(path, f"it has neither {table} nor {ALWAYS_PRESENT}")
         for chunk in chunks:
             rows = _rows_in(chunk.to_record_batch(), columns | optional)
+            if "answer" not in rows.column_names:
+                raise _foreign(path, f"{table} has no timeline answer")
             if wrong := _invalid_column(rows, columns, optional):
                 raise _foreign(path, f"{table} has no valid column {wrong}")
             tables.append(rows)

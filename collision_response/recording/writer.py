@@ -217,8 +217,8 @@ def _appearances(entry: Entry) -> list[tuple[str, Body, list[Twist]]]:
                 (entry.name_b, entry.body_b, [impact.twist_b]),
             ]
         case SceneRecord():
-            after = ([twist] for twist in entry.impact.twists)
-            return list(zip(entry.names, entry.bodies, after, strict=True))
+            twists = entry.impact.twists
+            return [(entry.names[i], entry.bodies[i], [twists[i]]) for i in entry.touching()]
     return []
 
 

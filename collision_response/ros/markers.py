@@ -90,6 +90,8 @@ def markers_of(
     their id.
     """
     array = MarkerArray()
+    shown = max(1, round(drawing.lifetime * 1e9)) if drawing.lifetime else 0  # [ns]; 0: forever
+    seconds, nanoseconds = divmod(shown, 10**9)
     for contact in contacts:
         number = next(numbers) % 2**31
         with np.errstate(over="ignore", invalid="ignore"):
@@ -101,8 +103,7 @@ def markers_of(
             marker.points = [Point(x=x, y=y, z=z) for x, y, z in np.array(points).tolist()]
             marker.scale.x, marker.scale.y, marker.scale.z = scale
             marker.pose.orientation.w = 1.0
-            seconds, fraction = divmod(drawing.lifetime, 1.0)
-            marker.lifetime = Duration(sec=int(seconds), nanosec=int(fraction * 1e9))
+            marker.lifetime = Duration(sec=seconds, nanosec=nanoseconds)
             array.markers.append(marker)
     return array
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import faulthandler
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -27,18 +28,18 @@ from ..msg import BodyState, BodyStates
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Law
-from ..recording import BodyRecord, Recorder
+from ..recording import BodyRecord, Recorder, recorder
 from ..requirements import SceneSurvey
 from ..resolve import resolve
 from ..status import ImpactError
-from . import convert, parameters
+from . import convert, parameters, scenes
 from .answer_log import AnswerLog
 from .batches import BatchService
 from .diagnostics import Counters, Diagnostics
 from .impacts import ImpactService
 from .parameters import DECLARATIONS, DeclaringNode
 from .process import limit_memory, run
-from .scenes import SceneService, still_computes
+from .scenes import SceneService
 from .serialized import MalformedMessage
 from .server import Server
 from .states import LatestStates
@@ -255,10 +256,19 @@ def warm_up() -> None:
         resolve(ball, Body.static(), contact, ImpactModel(law, tolerance=tolerance))
 
 
+def _still_works(wait: float) -> bool:
+    """Whether, after a time [s], a scene of a closed service is still computed, or a recording written."""
+    names = scenes.THREAD, recorder.THREAD
+    threads = [thread for thread in threading.enumerate() if thread.name.startswith(names)]
+    for thread in threads:
+        thread.join(wait / len(threads))
+    return any(thread.is_alive() for thread in threads)
+
+
 def main(args: list[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM, and return the exit code."""
     code = run(partial(CollisionResponseNode, owns_process=True), args, CollisionResponseNode.shut_down)
-    if still_computes(TIME_TO_END):  # Python would wait for the thread
+    if _still_works(TIME_TO_END):  # Python would wait for the thread
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
 from functools import partial
@@ -70,14 +69,6 @@ def _start_thread() -> ThreadPoolExecutor:
     executor = ThreadPoolExecutor(1, THREAD)
     executor.submit(int).result()
     return executor
-
-
-def still_computes(wait: float) -> bool:
-    """Whether a scene of a service that is closed is still computed in this process, after a time [s]."""
-    threads = [thread for thread in threading.enumerate() if thread.name.startswith(THREAD)]
-    for thread in threads:
-        thread.join(wait / len(threads))
-    return any(thread.is_alive() for thread in threads)
 
 
 @dataclass

@@ -46,7 +46,8 @@ ODOMETRY_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Compatible with reliable and best-effort publishers."""
 
 LONGEST_INTERVAL = 1.0
-"""Longest time [s] between two transforms whose mean twist says something. Longer ones are pauses of TF."""
+"""Longest time [s] between two transforms whose mean twist says something, unless TF is looked up less often.
+Longer ones are pauses of TF."""
 
 
 def body_state(header: Any, name: str, mass_properties: MassProperties) -> BodyState:
@@ -74,7 +75,10 @@ def from_odometry(odometry: Odometry, mass_properties: MassProperties, name: str
 
 
 def from_transforms(
-    earlier: TransformStamped, later: TransformStamped, mass_properties: MassProperties
+    earlier: TransformStamped,
+    later: TransformStamped,
+    mass_properties: MassProperties,
+    longest: float = LONGEST_INTERVAL,
 ) -> BodyState:
     """Make the state at the later of two transforms of a body frame in the inertial frame.
 
@@ -84,12 +88,12 @@ def from_transforms(
 
     Raises:
         ValueError: if a quaternion is 0, a number not finite, or if the second stamp is not after the first,
-            or more than ``LONGEST_INTERVAL`` after it.
+            or more than ``longest`` [s] after it.
     """
     t = (nanoseconds(later.header.stamp) - nanoseconds(earlier.header.stamp)) * 1e-9
     if not t > 0:
         raise ValueError(f"the second transform must be later than the first; it is {t} s later")
-    if t > LONGEST_INTERVAL:
+    if t > longest:
         raise ValueError(f"there is no transform in the {t:g} s before, so the twist is unknown")
     before, after = earlier.transform, later.transform
     position = vector_of(after.translation)
@@ -181,6 +185,7 @@ class BodyStatePublisher(DeclaringNode):
         buffer = tf2_ros.Buffer(node=self)  # the buffer is emptied when the node's clock is set back
         self._listener = tf2_ros.TransformListener(buffer, self)
         latest: dict[str, TransformStamped] = {}
+        longest = max(LONGEST_INTERVAL, 2 / rate)
 
         def publish_frames() -> None:
             for frame in frames:
@@ -194,7 +199,7 @@ class BodyStatePublisher(DeclaringNode):
                     reason = "is static and is not published: give it as a STATIC body"
                     self._warn(f"transforms of {frame}", partial("the TF frame {} {}".format, frame, reason))
                 if nanoseconds(before.header.stamp) < nanoseconds(transform.header.stamp):
-                    self._publish(frame, False, partial(from_transforms, before, transform))
+                    self._publish(frame, False, partial(from_transforms, before, transform, longest=longest))
 
         self.create_timer(1 / rate, publish_frames)
 
