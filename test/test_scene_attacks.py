@@ -246,6 +246,37 @@ def test_rounding_reverses_no_slip(law, turned):
     assert len(seen) == 1 and Regime.REVERSED not in seen.pop()
 
 
+@pytest.mark.parametrize("off", [0.0, 1e-15, -1e-15, 1e-12, -1e-12, 1e-9, -1e-9, 1e-5, -1e-5, 1e-3, -1e-3])
+def test_no_order_decides_whether_friction_unloads_a_contact(off):
+    """A tie: least work leaves the left contact without a load, just so. If it pulls, it parts."""
+    box = Body.dynamic(
+        1.0, (1, 0, 0, 1 / 6, 0, 1), (0, 0, 0.5), velocity=(1, 0, -1), angular_velocity=(0, 1 + off, 0)
+    )
+    left, right = (Contact.of((x, 0, 0), (0, 0, 1), 0.5, 2.0) for x in (-0.5, 0.5))
+    one, other = (
+        resolve_scene([box, Body.static()], [(0, 1)] * 2, contacts, ImpactModel(Law.COULOMB))
+        for contacts in ([left, right], [right, left])
+    )
+    apart = abs(one.twists[0].angular.y - other.twists[0].angular.y)
+    assert apart <= 10 * (one.error_bound + other.error_bound)
+
+
+def test_a_ball_struck_from_all_sides_has_a_bound():
+    """Of 150 balls: the budget of the first programme is used up, and double-double goes on."""
+    count, bodies, contacts = 150, [Body.sphere(1.0, 1.0)], []
+    for i in range(count):
+        angle, z = 14 * math.pi * i / count, -0.9 + 1.8 * (i + 0.5) / count
+        r = math.sqrt(1 - z * z)
+        d = Vec3(r * math.cos(angle), r * math.sin(angle), z)
+        bodies.append(Body.sphere(1.0, 0.05, position=d * 1.05, velocity=-d))
+        contacts.append(Contact.of(d, d, 0.5, 0.2))
+    answer = resolve_scene(bodies, [(i + 1, 0) for i in range(count)], contacts, ImpactModel(Law.COULOMB))
+    assert answer.error_bound < 1e-6
+    momentum = sum((twist.linear for twist in answer.twists), Vec3(0.0, 0.0, 0.0))
+    before = sum((body.velocity for body in bodies), Vec3(0.0, 0.0, 0.0))
+    assert math.dist(momentum, before) < 1e-12
+
+
 @pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
 @pytest.mark.parametrize("passing", [0.0, 1e3, 1e7])
 def test_a_contact_that_slides_does_so_beside_a_faster_one(law, passing):

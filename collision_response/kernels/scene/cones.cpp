@@ -154,7 +154,8 @@ bool Cones<R>::lagrangian_step(double size, std::vector<Axes> Q, bool from_start
   if (!is_scalar<R>) small *= std::fmax(1, fastest_slip);
   double least = INFINITY;
   int tries = 0, stalls = 0;
-  for (int turn = 0; turn < budget && off > small; ++turn) {
+  auto has_budget = [this] { return !is_scalar<R> || multiplications() < BUDGET; };
+  for (int turn = 0; turn < budget && off > small && has_budget(); ++turn) {
     newton();
     const R slope = dot(gradient, step);
     const double old = off;

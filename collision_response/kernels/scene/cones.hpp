@@ -48,8 +48,9 @@ class Cones {
   static constexpr double SHORTEST = 1e-3;  // part of a Newton step
   // Newton steps of that length: hardly any converge after more, and only double-double takes so long.
   static constexpr int MOST_STALLS = is_scalar<R> ? 100 : 5;
-  // Multiplications after which no steps begin that may be many. Only double-double takes so long.
-  static constexpr double BUDGET = is_scalar<R> ? INFINITY : 1e8;
+  // Multiplications after which no steps begin that may be many. Doubles end a step there, too: where a body touches
+  // hundreds, each Newton step takes up to a second.
+  static constexpr double BUDGET = is_scalar<R> ? 5e9 : 1e8;
 
   std::vector<Cone<R>> cones;
   Vector kept_velocities;  // c, for each cone; or empty

@@ -191,14 +191,21 @@ struct LeastWork {
     return found;
   }
 
+  // Whether a contact of a programme has a load. A small part of that without friction may be rounding.
+  bool has_load(const Cones<double>& programme, size_t k) const {
+    constexpr double LEAST = 0x1p-20;
+    return programme.P[k][0] > LEAST * (shared.loads[loaded[k]] / speed);
+  }
+
   // The pull of a programme without that of the rebounds, which press.
   double pull(const Cones<double>& programme) const {
     if (!(frictionless.restitution > 0)) return pull_of(programme);
-    const auto& P = programme.P;
-    if (std::all_of(P.begin(), P.end(), [](const Axes& one) { return one[0] > 0; })) return 0;
+    bool have_load = true;
+    for (size_t k = 0; k < loaded.size(); ++k) have_load = have_load && has_load(programme, k);
+    if (have_load) return 0;
     Cones<double> plastic = as_cones(true);
     plastic.enough = LEAST_PULL / 10;
-    plastic.solve_from(Cones<double>::FIRST_RHO, P);
+    plastic.solve_from(Cones<double>::FIRST_RHO, programme.P);
     plastic.go_on();
     return pull_of(plastic);
   }
@@ -207,10 +214,9 @@ struct LeastWork {
   // face keep each other's velocities, in several ways: what one would do by pulling, others may do by pressing.
   double pull_of(const Cones<double>& programme) const {
     constexpr double HARD = 1e9;
-    auto is_loaded = [&](size_t k) { return programme.P[k][0] > 0; };
     bool do_pull = false;
     for (size_t k = 0; k < loaded.size(); ++k)
-      do_pull = do_pull || (!is_loaded(k) && programme.keeping(k) < -LEAST_PULL);
+      do_pull = do_pull || (!has_load(programme, k) && programme.keeping(k) < -LEAST_PULL);
     if (!do_pull) return 0;
     Cones<double> pressing(assembly.body_count);
     Vector effect(6 * static_cast<size_t>(assembly.body_count));
@@ -220,7 +226,7 @@ struct LeastWork {
       cone.mu = 0;
       cone.part = 1;
       pressing.cones.push_back(cone);
-      if (!is_loaded(k)) continue;  // a contact with a load may also press less
+      if (!has_load(programme, k)) continue;  // a contact with a load may also press less
       for (auto& side : cone.row)
         for (double& one : side[0]) one = -one;
       pressing.cones.push_back(cone);
