@@ -73,7 +73,7 @@ class CovarianceAfter(NamedTuple):
 
 
 class _Behaviour(NamedTuple):
-    """What sets impacts apart: the regime, whether friction slips, its share, and the sides of the jumps."""
+    """What sets impacts apart: the regime, whether it slips, the friction, and the sides of the jumps."""
 
     regime: Regime
     slips: bool
@@ -165,13 +165,13 @@ def _square_root(covariance: Array | None, size: int) -> Array:
             StatusCode.INVALID_TABLE, "covariance", f"must be finite numbers of shape ({size}, {size})"
         )
     sd = np.sqrt(np.abs(np.diag(S)))
-    is_known = sd == 0
-    scale = np.where(is_known, 1.0, sd)  # the entries have different units
+    is_certain = sd == 0
+    scale = np.where(is_certain, 1.0, sd)  # the entries have different units
     values, axes = np.linalg.eigh(S / np.outer(scale, scale))
     rounding = 1e-12 * size
     asymmetry = np.abs((S - S.T) / np.outer(scale, scale)).max()
-    covaries = S[is_known].any() or S[:, is_known].any()
-    if covaries or asymmetry > rounding or values.min() < -rounding * max(values.max(), 1.0):
+    do_certain_vary = S[is_certain].any() or S[:, is_certain].any()
+    if do_certain_vary or asymmetry > rounding or values.min() < -rounding * max(values.max(), 1.0):
         raise ImpactError(
             StatusCode.INVALID_TABLE, "covariance", "must be symmetric and positive semi-definite"
         )
