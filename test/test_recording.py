@@ -498,6 +498,16 @@ def scene_of(count, sequence=1):
     return SceneRecord(sequence, sequence, [f"ball {x}" for x in range(count)], *asked, resolve_scene(*asked))
 
 
+def test_a_scene_that_lacks_names_leaves_a_gap(tmp_path):
+    path = tmp_path / "a.rrd"
+    recorder = Recorder(tmp_path, lambda _: None, name=path.name)
+    recorder.add(scene_of(5)._replace(names=["one"]))
+    recorder.add(impact(2))
+    recorder.close()
+    assert (recorder.unwritable, recorder.abandoned) == (1, 0)
+    assert [sequence for _, sequence, _ in read(path, "/impact/impulse", "Scalars:scalars")] == [2]
+
+
 def test_of_a_scene_only_bodies_with_a_contact_are_drawn(tmp_path):
     path = recorded(tmp_path, [scene_of(5)])
     assert {

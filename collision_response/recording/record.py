@@ -14,6 +14,7 @@ import numpy as np
 
 from .. import Body, Contact, Impact, ImpactModel, SceneImpact
 from ..body_numbers import body_from_numbers, body_to_numbers
+from ..physics.body import Twist
 
 
 class Record(NamedTuple):
@@ -114,16 +115,20 @@ class Gap(NamedTuple):
 Entry = Record | SceneRecord | BodyRecord | Refusal | Gap
 
 
-def body_names(entry: Entry) -> Sequence[str]:
-    """Names of the bodies of an entry that are drawn."""
+def drawn_bodies(entry: Entry) -> list[tuple[str, Body, list[Twist]]]:
+    """Bodies that an entry draws: name, body (before an impact), and its twist after the impact, if any."""
     match entry:
         case BodyRecord():
-            return (entry.name,)
-        case Record():
-            return entry.name_a, entry.name_b
+            return [(entry.name, entry.body, [])]
+        case Record(impact=impact):
+            return [
+                (entry.name_a, entry.body_a, [impact.twist_a]),
+                (entry.name_b, entry.body_b, [impact.twist_b]),
+            ]
         case SceneRecord():
-            return [entry.names[i] for i in entry.touching()]
-    return ()
+            twists = entry.impact.twists
+            return [(entry.names[i], entry.bodies[i], [twists[i]]) for i in entry.touching()]
+    return []
 
 
 INT64 = np.iinfo(np.int64)

@@ -16,7 +16,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .record import BodyRecord, Entry, Gap, SceneRecord, UnwritableEntries, body_names, has_place
+from .record import BodyRecord, Entry, Gap, SceneRecord, UnwritableEntries, drawn_bodies, has_place
 
 if TYPE_CHECKING:
     from .writer import Writer
@@ -66,6 +66,14 @@ def check_name(name: str) -> None:
 def _size(entry: Entry) -> int:
     """How many entries it counts as: an impact has two bodies."""
     return max(1, len(entry.bodies) // 2) if isinstance(entry, SceneRecord) else 1
+
+
+def _drawn_names(entry: Entry) -> set[str]:
+    """Names of the bodies that an entry draws; none if it cannot be written, which the writer reports."""
+    try:
+        return {str(name) for name, *_ in drawn_bodies(entry)}
+    except Exception:  # entries may hold anything
+        return set()
 
 
 def _printable(text: str) -> str:
@@ -282,11 +290,12 @@ class Recorder:
         for batch in self._batches():
             first, names = 0, set[str]()
             for i, entry in enumerate(batch):
-                names.update(body_names(entry))
+                own = _drawn_names(entry)
+                names |= own
                 if i > first and len(names) > PART:
                     self._unwritten = batch[first:]
                     yield batch[first:i]
-                    first, names = i, {*body_names(entry)}
+                    first, names = i, own
             self._unwritten = batch[first:]
             yield batch[first:]
             self._unwritten = []
@@ -313,7 +322,9 @@ class Recorder:
             batch: list[Entry] = [entry for entry in entries if not isinstance(entry, BodyRecord)]
             is_old = time.monotonic() - since >= STATES_INTERVAL
             if last or is_old or len(states) >= self._capacity // 2:
-                states.sort(key=lambda state: state.name)  # a body costs the less, the fewer parts it is in
+                states.sort(
+                    key=lambda state: str(state.name)
+                )  # a body costs the less, the fewer parts it is in
                 batch, self._held_back = states + batch, []
             yield batch
 

@@ -14,14 +14,24 @@ from uuid import uuid4
 import numpy as np
 
 from ..body_numbers import orientation_of
-from ..physics.body import Body, Twist
+from ..physics.body import Body
 from ..physics.centre_of_mass import with_com_as_reference
 from ..physics.contact import Contact
 from ..physics.vector import ZERO, Vec3
 from .colours import AFTER, BEFORE, GREEN, GREY, RED, REGIMES, SPIN_AFTER, SPIN_BEFORE, VIOLET
 from .equivalent_solid import EquivalentSolid
 from .piped_file import PipedFile
-from .record import BodyRecord, Entry, Gap, Record, Refusal, SceneRecord, UnwritableEntries, with_floats
+from .record import (
+    BodyRecord,
+    Entry,
+    Gap,
+    Record,
+    Refusal,
+    SceneRecord,
+    UnwritableEntries,
+    drawn_bodies,
+    with_floats,
+)
 from .rerun_sdk import rr
 from .scenes import TABLE as SCENES
 from .scenes import scene_columns
@@ -154,7 +164,7 @@ class Writer:
         with np.errstate(over="ignore", invalid="ignore"):  # rerun draws in float32
             styles: dict[Appearance, BodyStyle] = {}
             for entry in batch:
-                for name, body, _ in _appearances(entry):
+                for name, body, _ in drawn_bodies(entry):
                     appearance = name, isinstance(entry, BodyRecord), entry.stamp == 0
                     if appearance not in self._styled and appearance not in styles:
                         styles[appearance] = _style_of(entry, name, body)
@@ -206,27 +216,11 @@ def _columns(batch: Sequence[Entry]) -> Iterator[Columns]:
         yield from log(rows)
 
 
-def _appearances(entry: Entry) -> list[tuple[str, Body, list[Twist]]]:
-    """Bodies of an entry: name, body (before an impact), and its twist after the impact, if any."""
-    match entry:
-        case BodyRecord():
-            return [(entry.name, entry.body, [])]
-        case Record(impact=impact):
-            return [
-                (entry.name_a, entry.body_a, [impact.twist_a]),
-                (entry.name_b, entry.body_b, [impact.twist_b]),
-            ]
-        case SceneRecord():
-            twists = entry.impact.twists
-            return [(entry.names[i], entry.bodies[i], [twists[i]]) for i in entry.touching()]
-    return []
-
-
 def bodies(rows: Iterable[Entry]) -> Iterator[Columns]:
     """Columns of bodies: their centres of mass, with velocities and spins after and before an impact."""
     by_name: dict[str, list[tuple[Entry, list[Body]]]] = defaultdict(list)
     for row in rows:
-        for name, body, after in _appearances(row):
+        for name, body, after in drawn_bodies(row):
             states = [*map(body.with_twist, after), body]
             by_name[name].append((row, [with_com_as_reference(state) for state in states]))
     for name, appearances in by_name.items():
