@@ -7,11 +7,12 @@ bool ActiveSet<R>::append(int i) {
   factor.resize((m + 1) * (m + 2) / 2);
   R* row = &factor[m * (m + 1) / 2];
   for (size_t k = 0; k < m; ++k) row[k] = A[i * stride + members[k]];
-  forward(row, m);
-  const R pivot = A[i * stride + i] - dot(row, row, m);
+  const size_t first = forward(row, m);
+  const R pivot = A[i * stride + i] - dot(row + first, row + first, m - first);
   if (!(high(pivot) > DEPENDENT<R>)) return false;
   row[m] = root(pivot);
   members.push_back(i);
+  first_of.push_back(first);
   is_member[i] = true;
   return true;
 }
@@ -21,6 +22,7 @@ std::vector<int> ActiveSet<R>::span(const std::vector<int>& among, double depend
   std::vector<int> left(among);
   const size_t width = among.size();
   std::vector<R> rows(stride * width), pivot(stride);  // rows of the factor
+  std::vector<size_t> first(stride, width);  // in each row, the place of the first element that is not 0
   for (int i : left) pivot[i] = A[i * stride + i];
   while (!left.empty()) {
     size_t best = 0;
@@ -32,12 +34,18 @@ std::vector<int> ActiveSet<R>::span(const std::vector<int>& among, double depend
     const size_t m = members.size();
     R* row = &rows[chosen * width];
     row[m] = root(pivot[chosen]);
+    first[chosen] = std::min(first[chosen], m);
     for (int i : left) {
       R* other = &rows[i * width];
-      other[m] = (A[i * stride + chosen] - dot(other, row, m)) / row[m];
+      const size_t from = std::min(std::max(first[i], first[chosen]), m);
+      const R left_over = A[i * stride + chosen] - dot(other + from, row + from, m - from);
+      if (high(left_over) == 0) continue;
+      other[m] = left_over / row[m];
+      first[i] = std::min(first[i], m);
       pivot[i] = pivot[i] - other[m] * other[m];
     }
     factor.insert(factor.end(), row, row + m + 1);
+    first_of.push_back(first[chosen]);
     members.push_back(chosen);
     is_member[chosen] = true;
   }
@@ -49,6 +57,7 @@ void ActiveSet<R>::drop(size_t place) {
   std::vector<int> later(members.begin() + place + 1, members.end());
   for (size_t k = place; k < members.size(); ++k) is_member[members[k]] = false;
   members.resize(place);
+  first_of.resize(place);
   for (int i : later) append(i);
 }
 
@@ -65,7 +74,7 @@ std::vector<R> ActiveSet<R>::diagonal_of_inverse() const {
   for (size_t k = 0; k < m; ++k) {
     std::fill(column.begin(), column.end(), R{});
     column[k] = constant<R>(1);
-    forward(column.data(), m, k);
+    forward(column.data(), m);
     for (size_t i = k; i < m; ++i) diagonal[k] = diagonal[k] + column[i] * column[i];
   }
   return diagonal;
@@ -81,13 +90,17 @@ R ActiveSet<R>::line(int i, std::vector<R>& w) const {
   return high(curvature) > DEPENDENT<R> ? curvature : R{};
 }
 
-// Solve with the factor, for a y that is 0 before `first`.
+// Solve with the first m rows of the factor. Returns the place of the first element of y that is not 0.
 template <class R>
-void ActiveSet<R>::forward(R* y, size_t m, size_t first) const {
+size_t ActiveSet<R>::forward(R* y, size_t m) const {
+  size_t first = 0;
+  while (first < m && high(y[first]) == 0) ++first;
   for (size_t i = first; i < m; ++i) {
     const R* row = &factor[i * (i + 1) / 2];
-    y[i] = (y[i] - dot(row + first, y + first, i - first)) / row[i];
+    const size_t from = std::min(std::max(first, first_of[i]), i);
+    y[i] = (y[i] - dot(row + from, y + from, i - from)) / row[i];
   }
+  return first;
 }
 
 // Solve with the transpose of the factor.
@@ -96,7 +109,7 @@ void ActiveSet<R>::backward(R* y) const {
   for (size_t i = members.size(); i-- > 0;) {
     const R* row = &factor[i * (i + 1) / 2];
     y[i] = y[i] / row[i];
-    for (size_t k = 0; k < i; ++k) y[k] = y[k] - row[k] * y[i];
+    for (size_t k = first_of[i]; k < i; ++k) y[k] = y[k] - row[k] * y[i];
   }
 }
 

@@ -26,6 +26,7 @@ class ActiveSet {
   ActiveSet(const R* matrix, int stride) : A(matrix), stride(stride), is_member(stride) {
     const size_t few = std::min(stride, 8);  // at once: memory for one after the other takes as long as the arithmetic
     members.reserve(few);
+    first_of.reserve(few);
     factor.reserve(few * (few + 1) / 2);
   }
 
@@ -55,13 +56,14 @@ class ActiveSet {
   R line(int i, std::vector<R>& w) const;
 
  private:
-  void forward(R* y, size_t m, size_t first = 0) const;
+  size_t forward(R* y, size_t m) const;
   void backward(R* y) const;
 
   const R* A;
   int stride;
   std::vector<char> is_member;
   std::vector<R> factor;  // rows of the lower triangle
+  std::vector<size_t> first_of;  // for each of its rows, the place of the first element that is not 0
 };
 
 enum class MinimumStatus { FOUND, UNBOUNDED, TOO_LONG };
