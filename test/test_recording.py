@@ -565,20 +565,30 @@ def test_a_batch_is_written_in_parts_of_few_bodies(tmp_path, monkeypatch):
     assert [len(part) for part in parts[1:]] == [4, 1]
 
 
-def test_entries_that_there_is_no_time_for_at_the_end_are_counted(tmp_path, monkeypatch):
-    """The file is complete all the same."""
-    written, problems = [], []
+@pytest.mark.parametrize("slow", ["write", "__enter__"])
+def test_entries_that_there_is_no_time_for_at_the_end_are_counted(tmp_path, monkeypatch, slow):
+    """The file is complete all the same, and never empty: a short run may end before its file is open."""
+    written, problems, made = [], [], threading.Event()
 
     class SlowWriter(Writer):
+        def __enter__(self):
+            return self.after("__enter__", super().__enter__())
+
         def write(self, batch):
             written.extend(batch)
-            super().write(batch)
-            recorder._write_until = 0.0  # as if the time were over
+            self.after("write", super().write(batch))
+
+        def after(self, name, result):
+            if name == slow:
+                assert made.wait(DEADLINE) and recorder._closing.wait(DEADLINE)
+                recorder._write_until = 0.0  # as if the time were over
+            return result
 
     monkeypatch.setattr("collision_response.recording.writer.Writer", SlowWriter)
     monkeypatch.setattr("collision_response.recording.recorder.PART", 2)
     monkeypatch.setattr("collision_response.recording.recorder.INTERVAL", DEADLINE)
     recorder = Recorder(tmp_path, problems.append)
+    made.set()
     for sequence in range(1, 6):
         recorder.add(impact(sequence)._replace(name_a=f"ball {sequence}"))
     recorder.close(DEADLINE)

@@ -31,7 +31,9 @@ THREAD = "recording"
 """Name of the thread that writes."""
 
 WRITING_SHARE = 0.3
-"""The part of the time to close in which entries are written. To complete a file takes some, too."""
+"""The part of the time to close in which entries are written. To complete a file takes some, too.
+
+The first part in a file is always written: to open the first file of a process may take longer than that."""
 
 INTERVAL = 2.0
 """Time [s] between two batches. A batch is also written as soon as half of the capacity waits.
@@ -185,7 +187,7 @@ class Recorder:
     def close(self, timeout: float = 10.0) -> None:
         """Write what waits and complete the file, within a time [s]. A second call does nothing.
 
-        Entries that there is no time for are left out.
+        Entries that there is no time for are left out, but for the first ones in a file.
         """
         if self._closing.is_set():
             return
@@ -249,7 +251,7 @@ class Recorder:
                 begin = time.monotonic()
             elif 0 < self._max_size <= file.size() or 0 < self._max_duration <= time.monotonic() - begin:
                 return part
-            if time.monotonic() > self._write_until:
+            elif time.monotonic() > self._write_until:
                 self.late = self._left()
                 break
             self._write(writer, part)
