@@ -402,14 +402,15 @@ def node_with_states(shared_node):
     other = ball(name="other", frame="map")
     broken = ball(name="broken")
     broken.inertia.m = -1.5
-    odd, far = ball(name="odd"), ball(1e308, name="far")
+    odd, far, link, locked = ball(name="odd"), ball(1e308, name="far"), ball(name="link"), ball(name="locked")
     odd.inertia.izz = 7.0
     far.inertia.com.x = 1e308
+    link.inverse_inertia, locked.inverse_inertia = [1.0, *[0.0] * 35], [0.0] * 36
     lying, still = ball(0.5, -1.0, name="lying"), BodyState(name="still", motion_type=BodyState.STATIC)
     lying.inertia.iyy, lying.pose.orientation.x = 0.3, 1.0
     still.header.frame_id = "world"
-    states = top(), floor(), ramp(), ball(0.5, -1.0, name="ball"), other, broken, odd, far, lying, still
-    publish_until_received(shared_node, *states)
+    usable = top(), floor(), ramp(), ball(0.5, -1.0, name="ball"), lying, still
+    publish_until_received(shared_node, *usable, other, broken, odd, far, link, locked)
     return shared_node
 
 
@@ -506,6 +507,13 @@ def test_only_bodies_by_name(node_with_states):
         ("odd", Request.SPATIAL, StatusCode.INVALID_INERTIA, "names[1].inertia: must be positive semi"),
         ("far", Request.SPATIAL, StatusCode.OUT_OF_RANGE, "names[1].inertia.com: position or velocity of"),
         ("top", Request.SPATIAL, StatusCode.INVALID_ORIENTATION, "names[1].pose.orientation: is (0.1,"),
+        ("link", Request.SPATIAL, StatusCode.INVALID_INERTIA, "names[1].inverse_inertia: is for ~/resolve_"),
+        (
+            "locked",
+            Request.SPATIAL,
+            StatusCode.INVALID_INERTIA,
+            "names[1].inverse_inertia: is for ~/resolve_",
+        ),
     ],
 )
 def test_an_unusable_received_body_affects_its_contacts_only(node_with_states, name, layout, code, message):

@@ -406,6 +406,19 @@ def test_a_formal_interval_less_than_half_as_long_as_the_other_is_noted(fast, fa
     assert found.notes == notes
 
 
+def test_an_upper_limit_that_one_impact_tells_is_noted():
+    """Only the last impact slips, by 0.3 (1 + 0.5) 1 m/s."""
+    before = [(0.0, 0.0, -1.0 - i) for i in range(20)] + [(3.0, 0.0, -1.0)]
+    after = [Twist(Vec3(0.85 * x, 0.0, -0.5 * z), NOTHING) for x, _, z in before]
+    balls = [Body.dynamic(1.0, velocity=velocity) for velocity in before]
+    contacts = [Contact.of((0, 0, 0), (0, 0, 1))] * 21
+    found = identify(Impacts.of(balls, [WALL] * 21, contacts, after, after))
+    assert found.coefficients["friction"].high == math.inf
+    assert found.notes == (
+        "friction: too few impacts tell how large it may be; without them, no upper limit is known",
+    )
+
+
 @pytest.mark.parametrize(("count", "is_noted"), [(9, True), (10, False)])
 def test_less_than_ten_impacts_are_noted(count, is_noted):
     notes = restitutions(*(0.5 + 0.01 * (-1) ** i for i in range(count)), resamples=2).notes

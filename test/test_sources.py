@@ -206,13 +206,13 @@ def test_a_robot_drives_against_a_wall(graph, start):
     assert result.effective_mass == pytest.approx(10.0)
 
 
-def test_a_description_may_be_a_file_and_the_body_have_another_name(graph, start, tmp_path):
-    file = tmp_path / "box.sdf"
-    file.write_text(
+def test_a_description_may_be_a_file_and_the_body_have_another_name(graph, start, tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / "box.sdf").write_text(
         "<sdf version='1.9'><model name='box'><link name='link'>"
         "<inertial><mass>3</mass></inertial></link></model></sdf>"
     )
-    start(description_file=str(file), name="crate")
+    start(description_file="~/box.sdf", name="crate")
     odom = graph.publisher(Odometry, "odom")
     wait_until(lambda: odom.publish(odometry(child="box/link")) or start.heard)
     assert (start.heard[0].name, start.heard[0].inertia.m) == ("crate", 3.0)

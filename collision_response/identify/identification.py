@@ -247,7 +247,9 @@ def _notes(
         if value in SEARCH_RANGES[name][:2]:
             why = "the measurements lie there, or beyond it because of their errors or the law"
             yield f"{name} is at its limit: {why}"
-        if high - low > 2 * 2 * 1.96 * formal:
+        if high == math.inf:
+            yield f"{name}: too few impacts tell how large it may be; without them, no upper limit is known"
+        elif high - low > 2 * 2 * 1.96 * formal:
             yield f"{name}: the formal interval is {(high - low) / (2 * 1.96 * formal):.2g} times too small"
         apart = max((abs(values[name] - value) for values in others.values() if name in values), default=0.0)
         if apart > DISAGREEMENT * formal:

@@ -239,7 +239,7 @@ def _column(owner: str, state: BodyState, layout: Layout) -> list[float]:
     """Column of the table for a body given by name."""
     body = convert.body_of(owner, state)
     convert.check_body(owner, body)
-    if body.is_articulated():
+    if body.inverse_inertia is not None:
         reason = "is for ~/resolve_collision: tables hold rigid bodies"
         raise ImpactError(StatusCode.INVALID_INERTIA, f"{owner}.inverse_inertia", reason)
     body = with_com_as_reference(body)

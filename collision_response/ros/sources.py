@@ -6,6 +6,7 @@ There is one such node for each robot or model. The service only sees the body s
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -152,7 +153,7 @@ class BodyStatePublisher(DeclaringNode):
         self._description: Description | None = None
         self._mass_properties: dict[tuple[str, bool], MassProperties] = {}
         self._publisher = self.create_publisher(BodyState, "body_states", 10)
-        description = start["description_file"]
+        description = os.path.expanduser(start["description_file"])
         if description:
             try:
                 self._set_description(Path(description).read_bytes())
