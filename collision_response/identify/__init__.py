@@ -15,6 +15,7 @@ It needs SciPy.
 from .compare import Comparison, compare
 from .estimates import Estimate
 from .identification import Identification, identify
-from .measurements import Impacts, SphereReadings
+from .measurements import Impacts
+from .sphere_readings import SphereReadings
 
 __all__ = ["Comparison", "Estimate", "Identification", "Impacts", "SphereReadings", "compare", "identify"]

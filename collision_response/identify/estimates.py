@@ -22,8 +22,14 @@ from .least_squares import NEGLIGIBLE_SQUARES, SEARCH_RANGES, LeastSquares
 LARGE_COEFFICIENT = 1e3
 """Times the greater of 1 and its value, it stands for the missing upper limit of a coefficient."""
 
-HALF_CHI_SQUARE = 1.92
-"""Half of the 95 % point of chi square with one degree of freedom."""
+CHI_SQUARE = 3.84
+"""The 95 % point of chi square with one degree of freedom."""
+
+DEVIATIONS = 1.96
+"""Half of a 95 % interval, in standard deviations of normal noise."""
+
+LEAST_PART = 1e-3
+"""A coefficient with a smaller part in a direction does not belong to the combination."""
 
 CONDITION_LIMIT = 1e4
 """A combination of coefficients counts as undetermined if another is determined this many times better."""
@@ -55,9 +61,8 @@ class Estimate(NamedTuple):
 
     def __str__(self) -> str:
         if not math.isnan(self.value):
-            return (
-                f"= {self.value:.4g}  [{self.low:.4g}, {self.high:.4g}]  (formal ± {1.96 * self.formal:.2g})"
-            )
+            half = DEVIATIONS * self.formal
+            return f"= {self.value:.4g}  [{self.low:.4g}, {self.high:.4g}]  (formal ± {half:.2g})"
         if self.high == math.inf and self.low > 0:
             return f">= {self.low:.4g}: these impacts tell only a lower bound"
         return f"in [{self.low:.4g}, {self.high:.4g}]: not determined by these impacts"
@@ -96,7 +101,7 @@ def undetermined(problem: LeastSquares, best: Any) -> tuple[dict[str, Estimate],
     """
     unknown = _confounded(best.jac, problem.names)
     negligible = float(problem.reduced(NEGLIGIBLE_SQUARES))
-    allowed = problem.squares(best.x) + 2 * HALF_CHI_SQUARE * _variance(problem, best) + negligible
+    allowed = problem.squares(best.x) + CHI_SQUARE * _variance(problem, best) + negligible
     found = {name: Estimate(math.nan, *SEARCH_RANGES[name][:2], math.inf) for name in unknown}
     places: list[Array] = []
     for name in problem.names:
@@ -128,7 +133,7 @@ def _confounded(jacobian: Array, names: tuple[str, ...]) -> set[str]:
     found = {
         names[i]
         for i, part in zip(effective, directions[len(effective) - 1], strict=True)
-        if abs(part) > 1e-3
+        if abs(part) > LEAST_PART
     }
     return found if len(found) > 1 else set()  # one alone, which has little effect, is no combination
 

@@ -25,7 +25,8 @@ from ..physics.body import Body, Twist
 from ..physics.contact import Contact
 from ..physics.vector import Vec3
 from ..status import ImpactError, StatusCode
-from .measurements import Impacts, SphereReadings
+from .measurements import Impacts
+from .sphere_readings import SphereReadings
 
 INERTIA, COM = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"], ["comx", "comy", "comz"]
 POSITION, ORIENTATION = ["x", "y", "z"], ["qx", "qy", "qz", "qw"]

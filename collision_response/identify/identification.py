@@ -13,7 +13,7 @@ from ..batch.arrays import Array, compared_by_identity
 from ..materials import RANGES
 from ..model import Law
 from ..status import ImpactError, StatusCode, format_value
-from .estimates import Estimate, estimates, undetermined
+from .estimates import DEVIATIONS, Estimate, estimates, undetermined
 from .least_squares import LOSSES, NEGLIGIBLE_SQUARES, PRECISION, SEARCH_RANGES, LeastSquares, residual_unit
 from .measurements import Impacts, Measurements, informative
 
@@ -142,13 +142,7 @@ def identify(
     changes = (used.changes(kind) ** 2).sum(axis=0)
     whole = max(changes.sum(), least)
     misfit = math.sqrt(squares.sum() / whole)
-    notes = [*_notes(measured, len(used), coefficients, others)]
-    median = float(np.median(changes)) or math.inf
-    if huge := int((changes > HUGE_CHANGE**2 * median).sum()):
-        notes.append(
-            f"{huge} impacts seem to change the motion {HUGE_CHANGE:,.0f} times as much as half of the "
-            "others, which they hide: leave them out unless they were measured"
-        )
+    notes = [*_notes(measured, len(used), coefficients, others), *_huge_changes(changes)]
     if isinstance(used, Impacts) and misfit > LARGE_MISFIT:
         notes += _faults(used, kind, misfit, math.sqrt(whole))
     fitted = law, values, kind, coefficients, combination, others
@@ -249,8 +243,8 @@ def _notes(
             yield f"{name} is at its limit: {why}"
         if high == math.inf:
             yield f"{name}: too few impacts tell how large it may be; without them, no upper limit is known"
-        elif high - low > 2 * 2 * 1.96 * formal:
-            yield f"{name}: the formal interval is {(high - low) / (2 * 1.96 * formal):.2g} times too small"
+        elif (ratio := (high - low) / (2 * DEVIATIONS * formal)) > 2:
+            yield f"{name}: the formal interval is {ratio:.2g} times too small"
         apart = max((abs(values[name] - value) for values in others.values() if name in values), default=0.0)
         if apart > DISAGREEMENT * formal:
             yield (
@@ -258,6 +252,16 @@ def _notes(
                 f"{apart / formal:.0f} formal standard deviations: the geometry, the law or noise of the "
                 "normals has an effect that no interval here includes"
             )
+
+
+def _huge_changes(changes: Array) -> Iterator[str]:
+    """Yield a remark if some impacts hide the others, from the squared change of the motion of each."""
+    median = float(np.median(changes)) or math.inf
+    if huge := int((changes > HUGE_CHANGE**2 * median).sum()):
+        yield (
+            f"{huge} impacts seem to change the motion {HUGE_CHANGE:,.0f} times as much as half of the "
+            "others, which they hide: leave them out unless they were measured"
+        )
 
 
 def _faults(used: Impacts, kind: str, misfit: float, whole: float) -> Iterator[str]:

@@ -67,6 +67,12 @@ LOSSES: dict[str, Callable[[Array], Array]] = {
 }
 """SciPy's loss functions: from a squared residual to its part of the cost, both over the squared scale."""
 
+NORMAL_DEVIATION = 1.4826
+"""Standard deviation of normal noise, over the median of its absolute values."""
+
+SAME_SCALE = 0.8
+"""A scale that falls by less than to this part has hardly changed."""
+
 SEARCHES = 4
 """Number of searches, from points with small sums of squares."""
 
@@ -132,12 +138,12 @@ class LeastSquares(NamedTuple):
                 raise
             return np.full(self.measured.is_measured(self.kind).size, UNANSWERED_RESIDUAL)
 
-    def start(self) -> Array:
-        """Return the point where the final search begins: the best of rough solutions from several points.
+    def start(self, *known: Array) -> Array:
+        """Return the point where the next search begins: the best of rough solutions from several points.
 
-        They have different frictions, first those in valleys, last those that are as good as a smaller one:
-        where all impacts stick, friction has no effect, and where a law falls back to another, its answer
-        jumps. No search leaves such a region.
+        They are the ``known`` ones, and some of different frictions: first those in valleys, last those that
+        are as good as a smaller one. Where all impacts stick, friction has no effect, and where a law falls
+        back to another, its answer jumps. No search leaves such a region.
         """
         squares = {
             place: self.squares(place)
@@ -154,7 +160,8 @@ class LeastSquares(NamedTuple):
                 lowest.values(),
                 key=lambda place: (not is_valley[place[i]], is_flat[place[i]], squares[place]),
             )
-        found = (self.solve(np.array(place), ROUGH_PRECISION) for place in chosen[:SEARCHES])
+        places = [*known, *chosen[:SEARCHES]]
+        found = (self.solve(np.array(place), ROUGH_PRECISION) for place in places)
         return min(found, key=lambda one: one.cost).x
 
     def squares(self, x: Iterable[float]) -> float:
@@ -172,18 +179,27 @@ class LeastSquares(NamedTuple):
 
         The search begins at ``start``; by default, at the best of several rough solutions.
 
-        The scale is taken from the median residual of a fit that treats no residual as an outlier. Residuals
-        that are 0, or what a search leaves, do not count in the median, because they do not tell how noisy
-        the others are: with so small a scale, SciPy would take all others for outliers. An outlier may lead
-        that fit astray, and from far away "arctan" does not find back; "soft_l1", which is convex, does.
+        The scale is taken from the median residual, first of a fit that treats no residual as an outlier.
+        Residuals that are 0, or what a search leaves, do not count in the median, because they do not tell
+        how noisy the others are: with so small a scale, SciPy would take all others for outliers. Outliers
+        lead that fit astray, so that its residuals are too large. Fits with the scale at hand give a smaller
+        one, until it hardly changes. From far away "arctan" does not find back; "soft_l1", which is convex,
+        does.
         """
-        first = self.solve(self.start() if start is None else start)
-        noise = abs(first.fun[abs(first.fun) > LEFT_OVER])
-        if self.loss == "linear" or not noise.size:
-            return self, first
-        scaled = self._replace(scale=1.4826 * float(np.median(noise)))
-        near = scaled._replace(loss="soft_l1").solve(first.x, ROUGH_PRECISION)
-        return scaled, scaled.solve(near.x)
+        found = self.solve(self.start() if start is None else start)
+        if self.loss == "linear":
+            return self, found
+        scaled = self
+        while (noise := abs(found.fun[abs(found.fun) > LEFT_OVER])).size:
+            scale = NORMAL_DEVIATION * float(np.median(noise))
+            if 0 < SAME_SCALE * scaled.scale < scale:
+                break
+            scaled = self._replace(loss="soft_l1", scale=scale)
+            found = scaled.solve(scaled.start(found.x), ROUGH_PRECISION)
+        if not scaled.scale:
+            return self, found
+        scaled = scaled._replace(loss=self.loss)
+        return scaled, scaled.solve(found.x)
 
     def solve(self, x: Array, precision: float = PRECISION) -> Any:
         """Return SciPy's solution of a search that starts at ``x``.

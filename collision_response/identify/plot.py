@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..optional import missing
+from .estimates import DEVIATIONS
 from .identification import Identification
 from .measurements import Measurements, informative
 
@@ -50,7 +51,7 @@ def draw(found: Identification, measured: Measurements, path: Path) -> None:
     else:
         right.plot(cloud[across], cloud[up], ".", ms=4, color=BLUE, alpha=0.4, label="bootstrap")
         right.set_ylabel(up)
-        best, formal = found.values, [1.96 * found.coefficients[name].formal for name in (across, up)]
+        best, formal = found.values, [DEVIATIONS * found.coefficients[name].formal for name in (across, up)]
         if all(map(math.isfinite, formal)):
             cross = {"xerr": formal[0], "yerr": formal[1], "fmt": "o", "capsize": 3}
             right.errorbar(best[across], best[up], color=INK, label=f"{found.kind}, formal 95 %", **cross)
