@@ -55,6 +55,23 @@ class Bench:
         return self.done
 
 
+def test_a_step_lets_jobs_that_wait_go_on_after_its_slice():
+    bench = Bench()
+
+    def take_state():
+        bench.turns.resume_after_slice()
+        bench.done.append("taken")
+        yield
+        bench.done.append("answered")
+
+    bench.turns.add("A", bench.job("waits", steps=2, until=1e9))
+    bench.turns.run_slice()
+    assert bench.done == ["waits0"]
+    bench.turns.add("A", Job(take_state(), lambda error: None))
+    assert bench.run() == ["waits0", "taken", "answered", "waits1"]
+    assert not bench.turns.is_waiting
+
+
 def test_requests_of_one_client_are_answered_in_order():
     bench = Bench()
     for name in "abc":

@@ -19,6 +19,7 @@ from rosgraph_msgs.msg import Clock
 from collision_response import Body, Contact, StatusCode
 from collision_response.msg import BodyState, BodyStates
 from collision_response.ros import batch_client, scene_client
+from collision_response.ros.take_all import TakeAllWaitable
 from collision_response.ros.throttled_warnings import ThrottledWarnings
 
 
@@ -300,6 +301,23 @@ def test_a_request_overtakes_no_state_published_before_it(graph):
         result = graph.call(request).result
         assert result.status.code == StatusCode.OK, result.status.message
         assert result.normal_velocity_before == -1.0 - speed
+
+
+def test_a_request_that_waits_goes_on_when_another_one_takes_its_state(graph, monkeypatch):
+    """Each look-up takes the states that have arrived. Here nothing else does."""
+    is_ready = TakeAllWaitable.is_ready
+    monkeypatch.setattr(
+        TakeAllWaitable, "is_ready", lambda self, ready: self._is_service and is_ready(self, ready)
+    )
+    node = graph.serve(max_state_wait=2 * DEADLINE)
+    publisher = Publisher(graph)
+    publisher.publish(left_ball(3.0, stamp=10.0))
+    request = by_name()
+    request.not_before.sec = 20
+    future = graph.call_async(request)
+    wait_until(lambda: node._server._jobs.is_waiting)
+    publisher.publish(left_ball(5.0, stamp=20.5), until_answer=lambda answer: future.done())
+    assert future.result().result.normal_velocity_before == -6.0
 
 
 def test_a_request_waits_for_a_state_with_its_stamp(graph):

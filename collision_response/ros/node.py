@@ -131,14 +131,7 @@ class CollisionResponseNode(DeclaringNode):
         if owns_process:
             limit_memory(value("memory_limit"), RECORDING_MEMORY if is_recording else 0)
         if is_recording:  # before the services: most starts that fail leave no file
-            self._recorder = answer_log.recorder = Recorder(
-                Path(os.path.expanduser(value("recording.directory"))),
-                self.get_logger().warning,
-                opened=self.get_logger().info,
-                name=value("recording.file"),
-                max_size=value("recording.max_size"),
-                max_duration=value("recording.max_duration"),
-            )
+            self._recorder = answer_log.recorder = self._start_recorder()
         # Last: clients take the node for ready as soon as they see its services.
         self._server = Server(
             self, services, counters, self.parameters, self._after_sending, value("service_introspection")
@@ -148,6 +141,17 @@ class CollisionResponseNode(DeclaringNode):
             f"body states from {', '.join(self._state_topics)}; "
             f"results on {', '.join(answer_log.topics)}"
             f"{'; not recording' if self._recorder is None else ''}"
+        )
+
+    def _start_recorder(self) -> Recorder:
+        value, log = partial(parameters.value_of, self), self.get_logger()
+        return Recorder(
+            Path(os.path.expanduser(value("recording.directory"))),
+            log.warning,
+            opened=log.info,
+            name=value("recording.file"),
+            max_size=value("recording.max_size"),
+            max_duration=value("recording.max_duration"),
         )
 
     def shut_down(self) -> None:
@@ -213,8 +217,8 @@ class CollisionResponseNode(DeclaringNode):
         )
 
     def _take_states(self) -> None:
-        for state_input in self._state_inputs:
-            state_input.take_all()
+        if sum(state_input.take_all() for state_input in self._state_inputs):
+            self._server.states_taken()
 
     def _publisher_name(self, publisher: bytes) -> str:
         """The node and the topic of a publisher of states."""

@@ -45,9 +45,10 @@ class Job:
 
 
 class RoundRobin:
-    """The jobs of all clients. Each client's jobs are done in order; the clients take turns.
+    """The jobs of all clients. The clients take turns, and each client's jobs begin in order.
 
-    A job that needs what another thread computes keeps its place, so the client's next jobs wait for it.
+    A job that waits lets the client's next jobs pass. One that needs what another thread computes keeps its
+    place, so the next jobs wait for it.
 
     ``over_budget`` returns the error with which to end a job that has used this much computing time [s], or
     ``None`` if it may go on. ``on_computed`` is called, by another thread, when that thread has computed what
@@ -66,6 +67,7 @@ class RoundRobin:
         self._queues: dict[Hashable, deque[Job]] = {}  # in the order of their turns; none is empty
         self._waiting: list[tuple[Hashable, Job]] = []
         self._computing: dict[Hashable, Future[Any]] = {}  # what clients wait for, with all of their jobs
+        self._resumes_after_slice = False
 
     def __len__(self) -> int:
         """Number of jobs that are not finished."""
@@ -99,6 +101,13 @@ class RoundRobin:
         finally:  # a KeyboardInterrupt may end the slice
             if queue:
                 self._queues[client] = queue
+            if self._resumes_after_slice:
+                self._resumes_after_slice = False
+                self.resume()
+
+    def resume_after_slice(self) -> None:
+        """Let all jobs that wait go on, once the present slice has ended: a step may call this."""
+        self._resumes_after_slice = True
 
     def resume(self, *, overdue_only: bool = False) -> None:
         """Let the jobs that wait go on: all, or only those that have waited until their deadline."""

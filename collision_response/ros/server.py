@@ -162,6 +162,10 @@ class Server:
             self._jobs.resume()
             self._serve()
 
+    def states_taken(self) -> None:
+        """Go on with the requests that wait for states, after the present one, which has taken some."""
+        self._jobs.resume_after_slice()
+
     def drain(self, limit: float, reserve: float) -> int:
         """Answer all requests that have arrived, and those that arrive meanwhile; then refuse the rest.
 
