@@ -228,3 +228,46 @@ def test_a_twist_that_nearly_cancels_is_rounded_once_in_extended(law, e):
     answer = resolve(ball, Body.static(), contact, ImpactModel(law, precision=Precision.EXTENDED))
     exact = Fraction(e) * Fraction(0.1)
     assert abs(Fraction(answer.twist_a.linear.z) - exact) <= Fraction(math.ulp(float(exact)))
+
+
+@each_tier
+@pytest.mark.parametrize("ratio", [1e20, 1e22, 1e150, 1e160, 1e163, 1e300])
+def test_a_belt_that_is_far_faster_leaves_the_ball_its_energy(ratio, precision):
+    """Friction at its limit changes the velocity by 0.3 * 4.5 m/s, and the spin by 2.5 times that."""
+    ball = Body.sphere(2.0, 0.1, position=(0, 0, 0.1), velocity=(0, 0, -3.0))
+    try:
+        answer = resolve(
+            ball,
+            Body.kinematic((0, 0, 0), (ratio, 0, 0)),
+            Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.3),
+            ImpactModel(precision=precision),
+        )
+    except ImpactError as refusal:
+        assert refusal.code is StatusCode.OUT_OF_RANGE and ratio == 1e300
+        return
+    energy = 1.5**2 + 1.35**2 * (1 + 2.5)
+    rel = 1e-6 if precision is Precision.SINGLE else 1e-14
+    assert answer.kinetic_energy_before == pytest.approx(9.0, rel=1e-15)
+    if answer.error_bound < math.inf:
+        assert answer.kinetic_energy_after == pytest.approx(energy, rel=rel)
+
+
+@pytest.mark.parametrize("precision", [Precision.DOUBLE, Precision.EXTENDED])
+@pytest.mark.parametrize(
+    ("spin", "v", "m"), [(1e270, 1.0, 1.0), (1e268, 1e-47, 1e150), (1e268, 1e-60, 1e150)]
+)
+def test_bodies_that_separate_far_faster_than_one_of_them_moves_keep_their_motion(spin, v, m, precision):
+    wall = Body.kinematic(position=(0, -1, 0), angular_velocity=(spin, 0, 0))
+    body = Body.dynamic(m, (2e-25 * m, 0, 0, 3e-25 * m, 0, 1.6e-25 * m), velocity=(0, v, 0))
+    touch = Contact.of((1e29, 0, 0), (0, 0, 1), 0.5, 0.3)
+    answer = resolve(wall, body, touch, ImpactModel(precision=precision))
+    assert answer.status is StatusCode.SEPARATING
+    assert answer.twist_b.linear == body.velocity
+    energies = answer.kinetic_energy_before, answer.kinetic_energy_after
+    assert energies == pytest.approx((m * v * v / 2,) * 2, rel=1e-15)
+
+
+def test_a_velocity_that_no_impulse_changes_stays_beside_one_far_faster():
+    ball = Body.dynamic(1.0, velocity=(1e-200, 0, -1e150))
+    answer = resolve(ball, Body.static(), Contact.of((0, 0, 0), (0, 0, 1), 0.5))
+    assert answer.twist_a.linear.x == 1e-200

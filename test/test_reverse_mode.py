@@ -33,7 +33,7 @@ def convert_body(make, body: Body) -> Body:
 
 
 def by_reverse(collision, law: Law) -> np.ndarray:
-    """Derivatives of the impulse by the velocity of body_a and by friction, shape (3, 4)."""
+    """Derivatives of the impulse by velocity and com of body_a, and by friction, shape (3, 7)."""
     make = Reverse
     a, b = (convert_body(make, body) for body in collision[:2])
     c = collision[2]
@@ -41,7 +41,7 @@ def by_reverse(collision, law: Law) -> np.ndarray:
         Vec3(*map(make, c.position)), Vec3(*map(make, c.normal)), make(c.restitution), make(c.friction)
     )
     answer = impact(a, b, contact, law, Settings(make(0.0), make(0.0), make(1e-12)))
-    return np.array([P.gradient(*a.velocity, contact.friction) for P in answer.changes.impulse])
+    return np.array([P.gradient(*a.velocity, *a.com, contact.friction) for P in answer.changes.impulse])
 
 
 @pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
@@ -49,7 +49,7 @@ def by_reverse(collision, law: Law) -> np.ndarray:
     "collision", [HEAD_ON, *(random_collision(seed) for seed in range(4))], ids=lambda _: ""
 )
 def test_reverse_and_forward_agree(law, collision):
-    names = ("body_a.velocity", "contact.friction")
+    names = ("body_a.velocity", "body_a.com", "contact.friction")
     expected = differentiate(*collision, ImpactModel(law), names).jacobian[12:]
     np.testing.assert_allclose(by_reverse(collision, law), expected, rtol=1e-10, atol=1e-11)
 

@@ -1,11 +1,38 @@
 // Computing an impact in the units that suit its numbers.
 #pragma once
 #include "kernel_table.hpp"
+#include "scene/assembled.hpp"
 #include "units.hpp"
 
+// The kinetic energy of a rigid body with this twist.
+static double kinetic_energy(const double* body, const double* twist) {
+  double moving[BODY];
+  std::copy_n(body, BODY, moving);
+  const int power = Units::exponent(twist, 6);
+  for (int k = 0; k < 6; ++k) moving[BODY_VELOCITY_X + k] = std::ldexp(twist[k], -power);
+  return std::ldexp(Centre<double>(moving).energy, 2 * power);
+}
+
+// In units that suit fast bodies, the motion of far slower ones may be lost. Set the velocities that nothing changes; and
+// the energies, if they have few digits left in these units.
+static void restore_slow_bodies(const double* input, bool articulated, bool few_digits, ImpactResult& result) {
+  double before = 0, after = 0;
+  for (int side = 0; side < 2; ++side) {
+    const double *body = input + side * BODY, *twist = body + BODY_VELOCITY_X;
+    for (int k = 0; k < 6; ++k)
+      if (result.twist_change(side)[k] == 0) result.reported[6 * side + k] = twist[k];
+    if (articulated || !few_digits) continue;
+    before += kinetic_energy(body, twist);
+    after += kinetic_energy(body, result.twist_after(side));
+  }
+  if (articulated || !few_digits || !(before < INFINITY && after < INFINITY)) return;
+  result.reported[OUT_KINETIC_ENERGY_BEFORE] = before;
+  result.reported[OUT_KINETIC_ENERGY_AFTER] = after;
+}
+
 // Compute an impact in other units, and convert the result back.
-static void impact_in_other_units(ImpactKernel kernel, bool articulated, const double* input, const double* error,
-                                  ImpactResult& result) {
+static void impact_in_other_units(ImpactKernel kernel, bool articulated, bool single, const double* input,
+                                  const double* error, ImpactResult& result) {
   Units units = Units::of(input, articulated);
   double scaled[ALL_INPUTS], scaled_error[ALL_INPUTS], no_error = 0;
   for (int i = 0; i < (articulated ? ALL_INPUTS : INPUTS); ++i) {
@@ -14,8 +41,12 @@ static void impact_in_other_units(ImpactKernel kernel, bool articulated, const d
     if (input[i] - input[i] == 0) Units::scale(scaled[i], scaled_error[i], units.power_of(input_units[i]));
   }
   kernel(scaled, scaled_error, &result);
+  const double least = single ? 0x1p-100 : 0x1p-960;
+  const bool few_digits =
+      std::fmin(result.reported[OUT_KINETIC_ENERGY_BEFORE], result.reported[OUT_KINETIC_ENERGY_AFTER]) < least;
   for (int i = 0; i < CHANGES; ++i) Units::scale(result.change[i], result.error[i], -units.power_of(change_units[i]));
   for (int i = 0; i < REPORTED; ++i) Units::scale(result.reported[i], no_error, -units.power_of(reported_units[i]));
+  restore_slow_bodies(input, articulated, few_digits, result);
 }
 
 // Whether an intermediate square or product may have left the range of floats. Of the square of the normal, the numbers
@@ -41,7 +72,7 @@ static inline void compute_in_suitable_units(ImpactKernel kernel, bool articulat
   kernel(input, error, &result);
   if (result.error_bound < INFINITY && !is_extreme(input, result, single) && all_finite(result)) return;
   ImpactResult scaled;
-  impact_in_other_units(kernel, articulated, input, error, scaled);
+  impact_in_other_units(kernel, articulated, single, input, error, scaled);
   bool knows_more = scaled.error_bound < INFINITY || !(result.error_bound < INFINITY);
   if ((all_finite(scaled) && knows_more) || !all_finite(result)) result = scaled;
 }

@@ -238,6 +238,15 @@ def all_zero(numbers: Iterable[Scalar]) -> Condition:
     return all_of(number == 0 for number in numbers)
 
 
+def may_have_effect(numbers: Iterable[Scalar]) -> Condition:
+    """Whether a term with these factors counts: not if all are 0, unless they are arrays.
+
+    Those may carry derivatives, which are not 0 with them.
+    """
+    numbers = list(numbers)
+    return any(hasattr(number, "shape") for number in numbers) or negation(all_zero(numbers))
+
+
 def negation(condition: Condition) -> Condition:
     """Whether ``condition`` does not hold."""
     return not condition if isinstance(condition, bool) else ~condition

@@ -50,8 +50,8 @@ from ..numbers.operations import (
     error_of,
     given_roundoff,
     maximum,
+    may_have_effect,
     minimum,
-    negation,
     or_one,
     square_root,
 )
@@ -106,7 +106,7 @@ class BodyAtContact(NamedTuple):
     def of(cls, body: Body, point: Vec3) -> BodyAtContact:
         """A body as seen from a contact at ``point``, in world axes [m]."""
         rotation = body.rotation()
-        has_offset = negation(all_zero(body.com))
+        has_offset = may_have_effect(body.com)
         com = choose(has_offset, lambda: rotation.to_world(body.com), lambda: body.com)
         d = point - body.position
         r = choose(has_offset, lambda: d - com, lambda: d)
