@@ -192,3 +192,24 @@ def test_the_formulas_accept_arrays_of_other_libraries(make, law):
     expected = resolve_batch(bodies, contacts, ImpactModel(law))
     np.testing.assert_array_equal(impulse, expected.impulse)
     np.testing.assert_array_equal(spin, expected.angular_velocity[:, 1])
+
+
+def test_numbers_whose_sign_is_pending_are_read_with_it():
+    """As those of PyTorch: ``z.conj().imag`` is negated only when it is used, and not in its memory."""
+
+    class Pending:
+        def __init__(self, memory, is_negated):
+            self.memory, self.is_negated = memory, is_negated
+
+        def resolve_neg(self):
+            return Pending(-self.memory if self.is_negated else self.memory, False)
+
+        def __dlpack__(self, **options):
+            return self.memory.__dlpack__(**options)
+
+        def __dlpack_device__(self):
+            return self.memory.__dlpack_device__()
+
+    numbers = np.array([1.0, -2.0])
+    assert as_numpy("numbers", Pending(-numbers, True)).tolist() == [1.0, -2.0]
+    assert as_numpy("numbers", Pending(numbers, False)).tolist() == [1.0, -2.0]

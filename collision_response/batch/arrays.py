@@ -32,6 +32,8 @@ def as_numpy(name: str, array: Any) -> Array:
     """
     check_unmasked(name, array)
     is_foreign = not isinstance(array, (np.ndarray, np.generic)) and hasattr(array, "__dlpack__")
+    if hasattr(array, "resolve_neg"):  # PyTorch would leave out the sign of what it negates lazily
+        array = array.resolve_neg()
     try:
         return np.from_dlpack(array, **TO_HOST) if is_foreign else np.asarray(array)
     except (BufferError, RuntimeError, TypeError, ValueError) as error:
