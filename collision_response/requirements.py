@@ -28,7 +28,7 @@ from .physics.body import Body
 from .physics.contact import Contact
 from .physics.laws import Law
 from .resolve import resolve
-from .status import POSITIVE, ImpactError, StatusCode, format_value, renamed
+from .status import POSITIVE, ImpactError, StatusCode, format_value, raise_renamed
 
 
 class SceneContact(NamedTuple):
@@ -223,13 +223,11 @@ def scene_requirements(
         names = {"body_a": f"bodies[{a!r}]", "body_b": f"bodies[{b!r}]", "contact": f"contacts[{i}].contact"}
         try:
             survey.add(f"{a} - {b}", bodies[a], bodies[b], contact)
-        except ImpactError as error:
-            if error.code is StatusCode.NO_DYNAMIC_BODY:
+        except (ImpactError, TypeError) as error:
+            if isinstance(error, ImpactError) and error.code is StatusCode.NO_DYNAMIC_BODY:
                 reason = f"one body must be dynamic; is {format_value((a, b))}"
                 raise ImpactError(error.code, f"contacts[{i}]", reason) from None
-            raise error.renamed(names) from None
-        except TypeError as error:
-            raise TypeError(renamed(str(error), names)) from None
+            raise_renamed(error, names)
     return survey.requirements()
 
 

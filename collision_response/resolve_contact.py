@@ -21,7 +21,7 @@ from .physics.contact import Contact
 from .physics.laws import Regime
 from .physics.vector import ZERO, Vec3, as_vector
 from .resolve import resolve
-from .status import ImpactError, StatusCode, format_value, renamed
+from .status import ImpactError, StatusCode, format_value, raise_renamed
 
 
 class ContactImpact(NamedTuple):
@@ -132,10 +132,7 @@ def resolve_contact(
             raise ImpactError(error.code, "K", reason) from None
         raise error from None
     except TypeError as error:
-        text = renamed(str(error), _ARGUMENTS)
-        if text == str(error):  # it names no argument: a function of the caller's raised it
-            raise
-        raise TypeError(text) from None
+        raise_renamed(error, _ARGUMENTS)
     return ContactImpact(
         impact.status,
         impact.model,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NoReturn
 
 from .named_enum import NamedEnum
 
@@ -139,3 +139,16 @@ def renamed(text: str, names: Mapping[str, str]) -> str:
     owners = [name for name in names if text.startswith(name) and text[len(name) :][:1] in ("", *".:([")]
     owner = max(owners, key=len, default="")
     return names.get(owner, owner) + text[len(owner) :]
+
+
+def raise_renamed(error: ImpactError | TypeError, names: Mapping[str, str]) -> NoReturn:
+    """Raise an error with its field renamed as by :func:`renamed`.
+
+    A TypeError that names no such field is from a function of the caller's, and is raised as it is.
+    """
+    if isinstance(error, ImpactError):
+        raise error.renamed(names) from None
+    text = renamed(str(error), names)
+    if text == str(error):
+        raise error
+    raise TypeError(text) from None

@@ -502,9 +502,10 @@ def test_a_scene_that_lacks_names_leaves_a_gap(tmp_path):
     path = tmp_path / "a.rrd"
     recorder = Recorder(tmp_path, lambda _: None, name=path.name)
     recorder.add(scene_of(5)._replace(names=["one"]))
+    recorder.add(scene_of(5, 2)._replace(bodies=None))
     recorder.add(impact(2))
     recorder.close()
-    assert (recorder.unwritable, recorder.abandoned) == (1, 0)
+    assert (recorder.unwritable, recorder.abandoned) == (2, 0)
     assert [sequence for _, sequence, _ in read(path, "/impact/impulse", "Scalars:scalars")] == [2]
 
 

@@ -359,6 +359,19 @@ def test_a_tolerance_of_the_wrong_type_is_refused(tolerance):
         scene_requirements(BODIES, [], tolerance)
 
 
+def test_an_error_of_a_function_of_the_caller_stays_as_it_is():
+    error = TypeError("can only concatenate str")
+
+    def restitution(speed):
+        raise error
+
+    contact = CENTRAL.contact._replace(restitution=restitution)
+    with pytest.raises(TypeError) as raised:
+        scene_requirements(BODIES, [CENTRAL._replace(contact=contact)], 1e-6)
+    assert raised.value is error
+    assert raised.traceback[-1].name == "restitution"
+
+
 def test_what_is_wrong_is_refused_with_the_contact_or_the_body():
     def survey(body=BODIES["thrown"], contact=RUBBING.contact):
         names = SceneContact("thrown", "ground", contact)

@@ -51,6 +51,9 @@ from .result import BatchResult
 
 T = TypeVar("T")
 
+CACHE_LINE = 64
+"""Contacts whose status fills a cache line. Parts begin at multiples, so no two threads write one line."""
+
 CONTACTS_PER_WORKER = 1024
 """With fewer contacts, another worker takes longer to start than it saves."""
 
@@ -162,7 +165,7 @@ def resolve_with_pauses(
     columns = start, n if stop is None else min(stop, n)
     worst = _run(request, request.plan.number_type, out, workers, *columns)
     if worst is None:  # an array is not contiguous, does not fit, or shares memory with another
-        _check_out(request, n, out)
+        _check_out(request, out)
         request = request.contiguous()
         worst = _run(request, request.plan.number_type, out, workers, *columns)
     if worst is None:  # ``out`` is not contiguous
@@ -275,14 +278,14 @@ def run_in_parts(work: Callable[[int, int], T], start: int, stop: int, threads: 
     """Return the results of ``work(start, stop)`` for parts of a range, each in a thread."""
     if threads <= 1:
         return [work(start, stop)]
-    cuts = [start + (stop - start) * i // threads // 64 * 64 for i in range(threads)]
+    cuts = [start + (stop - start) * i // threads // CACHE_LINE * CACHE_LINE for i in range(threads)]
     with ThreadPoolExecutor(threads) as pool:
         return list(pool.map(work, cuts, [*cuts[1:], stop]))
 
 
-def _check_out(request: BatchRequest, n: int, out: BatchResult) -> None:
+def _check_out(request: BatchRequest, out: BatchResult) -> None:
     """Raises: ValueError: if an array has the wrong shape or type, cannot be written, or shares memory."""
-    fields = request.plan.result_fields(n, out.regime is not None)
+    fields = request.plan.result_fields(request.contacts.shape[1], out.regime is not None)
     for name, array, expected in zip(BatchResult._fields, out, fields, strict=True):
         found = (array.shape, array.dtype) if isinstance(array, np.ndarray) else array
         fits = found == expected if isinstance(found, tuple) else found is expected

@@ -106,7 +106,7 @@ def seconds(text: str) -> float:
 
 
 def service_name(text: str) -> str:
-    """Refuse a name that is not text, of which rclpy would only say that its type is wrong."""
+    """Refuse a name that is not text: rclpy would only say that its type is wrong."""
     text.encode()
     return text
 
@@ -203,16 +203,7 @@ def answer(kind: Any, request: Any, service: str, timeout: float) -> Any:
         client = _client(node, kind, service)
         end = time.monotonic() + timeout
         if not client.wait_for_service(timeout):
-            others = [
-                name
-                for name, types in node.get_service_names_and_types()
-                if f"collision_response/srv/{kind.__name__}" in types
-                and name != client.service_name  # which this client asks for
-                and node.count_services(name)
-            ]
-            advice = "start the node with: collision_response node"
-            if others:
-                advice += f", or give one of these by --service: {', '.join(others)}"
+            advice = _advice_without_service(node, kind, client)
             raise TimeoutError(f"no service {service} within {timeout:g} s; {advice}")
         future = client.call_async(request)
         rclpy.spin_until_future_complete(node, future, timeout_sec=max(end - time.monotonic(), 1.0))
@@ -227,6 +218,19 @@ def answer(kind: Any, request: Any, service: str, timeout: float) -> Any:
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
+
+
+def _advice_without_service(node: Any, kind: Any, client: Any) -> str:
+    """What to do if the service of a client is not there: it names others of its type."""
+    others = [
+        name
+        for name, types in node.get_service_names_and_types()
+        if f"collision_response/srv/{kind.__name__}" in types
+        and name != client.service_name  # which this client asks for
+        and node.count_services(name)
+    ]
+    advice = "start the node with: collision_response node"
+    return f"{advice}, or give one of these by --service: {', '.join(others)}" if others else advice
 
 
 def _of_impact(response: Any) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 from ..answer import format_name
 from ..recording import scenes
 from ..recording.report import Summary, in_words, page
+from ..recording.rerun_sdk import compute, pa
 from ..recording.table import read
 
 DESCRIPTION = """Prints a summary of recordings, and writes it, with plots, to one page for any browser. The
@@ -73,8 +74,7 @@ def spare_recordings(target: Path) -> None:
 
 def write_csv(impacts: Any, target: Path) -> None:
     """Write a table, with a column for each component of a vector: ``impulse.0``, ``impulse.1`` ..."""
-    import pyarrow as pa
-    from pyarrow import compute, csv
+    from pyarrow import csv
 
     flat = {}
     for name, column in zip(impacts.column_names, impacts.columns, strict=True):

@@ -48,9 +48,11 @@ LIKELY_DEVIATIONS = 2.0, 1.0, 0.5
 """Numbers of standard deviations at which impacts are tried. Within the first of them, all must have the same
 regime."""
 
-
-ROUNDING = 1e-9
+AT_LIMIT = 1e-9
 """Friction that is below its limit by a smaller part is at the limit: the contact slips all the time."""
+
+ASYMMETRY = 1e-12
+"""What rounding may do to a matrix of correlations, for each of its rows."""
 
 
 @compared_by_identity
@@ -131,16 +133,29 @@ def propagate_covariance(
     likely = [_behaviour(linearised.derivatives.impact, model)]
     likely += (_behaviour_at(linearised, change) for change in _likely_changes(linearised, root, deviations))
     regimes = tuple(dict.fromkeys(one.regime for one in likely))
+    is_reliable = _is_reliable(linearised, likely, contact, restitution_sd, friction_sd)
+    return CovarianceAfter(after, regimes, is_reliable)
+
+
+def _is_reliable(
+    linearised: LinearisedImpact,
+    likely: Sequence[_Behaviour],
+    contact: Contact,
+    restitution_sd: float,
+    friction_sd: float,
+) -> bool:
+    """Whether all likely impacts behave alike, no jump is between them, and the derivatives are smooth."""
+    derivatives = linearised.derivatives
     colliding = [one for one in likely if one.regime is not Regime.SEPARATING]
     has_friction = contact.friction > 0 or friction_sd > 0  # if not, a contact that sticks just does not slip
     may_stick = has_friction and len({one.slips for one in colliding}) > 1
     may_slide_back = has_friction and _slides_back(likely)
     has_one_behaviour = len(colliding) in (0, len(likely)) and not may_stick and not may_slide_back
     may_jump = _has_jump(colliding, has_restitution=contact.restitution > 0 or restitution_sd > 0)
-    certain = [name for name, sd in zip(COEFFICIENTS, deviations[:2], strict=True) if sd == 0]
-    used = [linearised.derivatives.smoothness[part] for name, part in columns.items() if name not in certain]
+    certain = [name for name, sd in zip(COEFFICIENTS, (restitution_sd, friction_sd), strict=True) if sd == 0]
+    used = [derivatives.smoothness[part] for name, part in derivatives.columns.items() if name not in certain]
     is_smooth = all((smoothness == Smoothness.SMOOTH).all() for smoothness in used)
-    return CovarianceAfter(after, regimes, has_one_behaviour and is_smooth and not may_jump)
+    return has_one_behaviour and is_smooth and not may_jump
 
 
 def _slides_back(likely: Sequence[_Behaviour]) -> bool:
@@ -153,7 +168,7 @@ def _slides_back(likely: Sequence[_Behaviour]) -> bool:
 
 def _has_jump(colliding: Sequence[_Behaviour], *, has_restitution: bool) -> bool:
     """Whether colliding impacts lie on both sides of a jump."""
-    is_slow, falls_back = ({getattr(one, side) for one in colliding} for side in ("is_slow", "falls_back"))
+    is_slow, falls_back = {one.is_slow for one in colliding}, {one.falls_back for one in colliding}
     return len(falls_back) > 1 or (has_restitution and len(is_slow) > 1)
 
 
@@ -168,7 +183,7 @@ def _square_root(covariance: Array | None, size: int) -> Array:
     is_certain = sd == 0
     scale = np.where(is_certain, 1.0, sd)  # the entries have different units
     values, axes = np.linalg.eigh(S / np.outer(scale, scale))
-    rounding = 1e-12 * size
+    rounding = ASYMMETRY * size
     asymmetry = np.abs((S - S.T) / np.outer(scale, scale)).max()
     do_certain_vary = S[is_certain].any() or S[:, is_certain].any()
     if do_certain_vary or asymmetry > rounding or values.min() < -rounding * max(values.max(), 1.0):
@@ -245,7 +260,7 @@ def _behaviour(impact: Impact, model: ImpactModel) -> _Behaviour:
     friction = P - normal * normal.dot(P)
     slips = impact.regime is not Regime.STICKING
     if impact.model.law is Law.COMPLIANT:  # where a contact that sticks for a while may end in any regime
-        slips = impact.tangential_impulse >= (1 - ROUNDING) * impact.contact.friction * impact.normal_impulse
+        slips = impact.tangential_impulse >= (1 - AT_LIMIT) * impact.contact.friction * impact.normal_impulse
     return _Behaviour(impact.regime, slips, friction, is_slow, Adjustment.LAW_FALLBACK in impact.adjustments)
 
 

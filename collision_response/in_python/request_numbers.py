@@ -93,7 +93,7 @@ def as_fraction(x: Any) -> Any:
             limit = f"must have at most {MOST_PLACES:,} places to be computed exactly"
             raise ImpactError(StatusCode.OUT_OF_RANGE, "decimal", f"{limit}; is {format_value(number, str)}")
     try:
-        if isinstance(number, Rational):  # of which the parts may be NumPy's integers, which overflow
+        if isinstance(number, Rational):  # its parts may be NumPy's integers, which overflow
             exact = Fraction(int(number.numerator), int(number.denominator))
         else:
             number = number if hasattr(number, "as_integer_ratio") else float(number)

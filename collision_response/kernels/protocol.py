@@ -6,7 +6,7 @@ REFLECTIONS = 10_000
 """Greatest number of reflections in a cluster of contacts. A chain of n equal balls takes n."""
 
 RATIONAL_CONTACTS = 8
-"""Clusters of at most this many contacts are computed in fractions if the kernels can't tell enough."""
+"""Clusters of at most this many contacts are computed in fractions if the kernels cannot tell enough."""
 
 SPRING_WORK = 1_500_000_000
 """Budget for the paths of ROUTH_STRONGE in a cluster, roughly in nanoseconds: a second or two."""

@@ -67,7 +67,10 @@ def check_name(name: str) -> None:
 
 def _size(entry: Entry) -> int:
     """How many entries it counts as: an impact has two bodies."""
-    return max(1, len(entry.bodies) // 2) if isinstance(entry, SceneRecord) else 1
+    try:
+        return max(1, len(entry.bodies) // 2) if isinstance(entry, SceneRecord) else 1
+    except TypeError:  # entries may hold anything; the writer reports it
+        return 1
 
 
 def _drawn_names(entry: Entry) -> set[str]:
@@ -84,7 +87,7 @@ def _printable(text: str) -> str:
 
 
 class Recorder:
-    """Writes impacts to new files. Each entry costs the caller one :meth:`put` to a queue.
+    """Writes impacts to new files. Each entry costs the caller one ``put`` to a queue.
 
     A new file begins when the current one is too large, too old, or has been removed. Each file is complete
     in itself, and all of them are one recording: ``rerun directory/*.rrd`` shows them together. Complete
@@ -108,7 +111,7 @@ class Recorder:
         unwritable: number of entries that could not be written. The recording has gaps for the answers among
             them.
         abandoned: number of entries that waited when the recorder stopped because of an error, or came later,
-            and those of the batch that it was writing, of which the file may hold some.
+            and those of the batch that it was writing; the file may hold some of them.
         late: number of entries that there was no time for when the recorder was closed.
         untimed: number of body states without a stamp, which have no place on any timeline.
     """
@@ -324,9 +327,7 @@ class Recorder:
             batch: list[Entry] = [entry for entry in entries if not isinstance(entry, BodyRecord)]
             is_old = time.monotonic() - since >= STATES_INTERVAL
             if last or is_old or len(states) >= self._capacity // 2:
-                states.sort(
-                    key=lambda state: str(state.name)
-                )  # a body costs the less, the fewer parts it is in
+                states.sort(key=lambda state: str(state.name))  # a body in fewer parts costs less
                 batch, self._held_back = states + batch, []
             yield batch
 

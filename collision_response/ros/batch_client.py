@@ -46,7 +46,7 @@ def pack(
             shape ``(2, N)``. Columns from B on are the bodies of ``names``.
         contacts: a column for each contact, shape ``(rows, N)``.
         model: fields that are 0, including the law AUTO, have the values of the node's parameters.
-        names: names of bodies of which the node uses the latest received states.
+        names: names of bodies. The node uses their latest received states.
         frame_id: the inertial frame of all bodies and contacts.
         report: whether to ask for regimes, energies and adjustments.
 

@@ -106,7 +106,7 @@ class BatchService:
         return StatusCode.OK, response
 
     def refusal(self, request: Request, error: ImpactError) -> Response:
-        """Response that says why there is no answer, with the model of the request."""
+        """Return the response that says why there is no answer, with the model of the request."""
         return Response(
             header=request.header,
             model=request.model,

@@ -11,10 +11,10 @@ Errors name fields as the messages do: ``body_a.inertia.m``, not ``body_a.mass``
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from functools import lru_cache
-from reprlib import repr as quoted
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
@@ -64,7 +64,7 @@ ADJUSTMENT_NOTES = {
 }
 """What the message of an answer says about each adjustment."""
 
-UNSET = -1.0
+NOT_GIVEN = -1.0
 """Value of a coefficient that a message does not give."""
 
 
@@ -202,7 +202,7 @@ def coefficients_of(
     """
     for owner, body in (("body_a", body_a), ("body_b", body_b)):
         if body.material and parameters.materials is NO_MATERIALS:
-            reason = f"is {quoted(body.material)}, but the parameter materials_file names no file"
+            reason = f"is {reprlib.repr(body.material)}, but the parameter materials_file names no file"
             raise ImpactError(StatusCode.UNKNOWN_MATERIAL, f"{owner}.material", reason)
         if body.material:
             parameters.materials.check(f"{owner}.material", body.material)
@@ -218,9 +218,9 @@ def _coefficient(
 ) -> Coefficient:
     of_contact, of_a, of_b = (getattr(message, field) for message in (contact, body_a, body_b))
     for owner, value in (("body_a", of_a), ("body_b", of_b)):
-        if value != UNSET:
+        if value != NOT_GIVEN:
             check_number(f"{owner}.{field}", value, *RANGES[field], StatusCode.INVALID_COEFFICIENT)
-    if of_contact != UNSET:
+    if of_contact != NOT_GIVEN:
         return Coefficient(of_contact, CollisionResult.FROM_CONTACT, "")  # checked by the core
     rule: CombineRule = getattr(parameters, f"combine_{field}")
     a, b = body_a.material, body_b.material
@@ -228,7 +228,7 @@ def _coefficient(
     if found is not None:
         source = CollisionResult.FROM_PAIR if found.is_of_pair else CollisionResult.FROM_MATERIALS
         return Coefficient(found.value, source, found.how)
-    if of_a != UNSET and of_b != UNSET:
+    if of_a != NOT_GIVEN and of_b != NOT_GIVEN:
         combined = combined_coefficient(field, rule, ("body_a", "body_b"), (of_a, of_b))
         return Coefficient(combined, CollisionResult.FROM_BODIES, rule.value)
     return Coefficient(getattr(parameters, field), CollisionResult.FROM_PARAMETER, "")

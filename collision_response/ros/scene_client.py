@@ -24,7 +24,7 @@ from ..physics.contact import Contact
 from ..scene.request import check_parts
 from ..srv import ResolveScene
 from ..status import format_value
-from .convert import write_model
+from .convert import NOT_GIVEN, write_model
 from .tables import append, as_indices, as_lines, as_text
 
 
@@ -45,7 +45,7 @@ def pack(
             those of the further ``names``.
         contacts: the contacts. The node chooses a restitution or friction of -1.
         model: fields that are 0, including the law AUTO, have the values of the node's parameters.
-        names: names of ``bodies``, then names of bodies of which the node uses the latest received states.
+        names: names of ``bodies``, then of further bodies. The node uses their latest received states.
         frame_id: the inertial frame of all bodies and contacts.
 
     Raises:
@@ -101,8 +101,8 @@ def pack_named(
     bodies: Mapping[str, Body] = MappingProxyType({}),
     model: ImpactModel = DEFAULT,
     *,
-    restitution: float = -1.0,
-    friction: float = -1.0,
+    restitution: float = NOT_GIVEN,
+    friction: float = NOT_GIVEN,
     frame_id: str = "",
 ) -> ResolveScene.Request:
     """Make the request for a scene whose bodies have names.

@@ -115,17 +115,17 @@ class SceneService:
             yield future
         return future.result()
 
-    def close(self) -> None:
-        """Compute no more scenes. The thread ends with the scene that it computes: nothing stops that."""
-        self._executor.shutdown(wait=False, cancel_futures=True)
-
     def refusal(self, request: ResolveScene.Request, error: ImpactError) -> ResolveScene.Response:
-        """Response that says why there is no answer, with the model of the request."""
+        """Return the response that says why there is no answer, with the model of the request."""
         response = ResolveScene.Response()
         response.result.header = request.header
         convert.write_refusal(response.result, request.model, error)
         self.answer_log.add_refusal(response.result)
         return response
+
+    def close(self) -> None:
+        """Compute no more scenes. The thread ends with the scene that it computes: nothing stops that."""
+        self._executor.shutdown(wait=False, cancel_futures=True)
 
 
 def contacts_of(request: ResolveScene.Request, max_contacts: int) -> list[ContactMessage]:
@@ -266,8 +266,7 @@ def write_answer(
     result.normal_velocities_before = list(impact.normal_velocities_before)
     result.normal_velocities_after = list(impact.normal_velocities_after)
     result.regimes = [int(regime) for regime in impact.regimes]
-    cluster_of = {i: number for number, cluster in enumerate(impact.clusters) for i in cluster}
-    result.clusters = [cluster_of[i] for i in range(len(contacts))]
+    result.clusters = impact.cluster_of_contacts()
     for name in NUMBERS:
         setattr(result, name, float(getattr(impact, name)))
     result.adjustments = int(impact.adjustments)

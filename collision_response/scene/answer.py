@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from ..answer import BODY_HEAD, CONTACT_HEAD, body_row, contact_row, format_columns, format_energies
@@ -80,13 +80,15 @@ class SceneImpact(NamedTuple):
 
     def __str__(self) -> str:
         """Return a table of the contacts, a table of the bodies, and what holds for the whole scene."""
-        cluster_of = {i: number for number, cluster in enumerate(self.clusters) for i in cluster}
-        return scene_table(self, cluster_of, self.order_sensitivity)
+        return scene_table(self, self.cluster_of_contacts(), self.order_sensitivity)
+
+    def cluster_of_contacts(self) -> list[int]:
+        """Return the number of each contact's cluster."""
+        number = {i: c for c, cluster in enumerate(self.clusters) for i in cluster}
+        return [number[i] for i in range(len(self.contacts))]
 
 
-def scene_table(
-    answer: Any, cluster_of: Mapping[int, int] | Sequence[int], order_sensitivity: float | None = None
-) -> str:
+def scene_table(answer: Any, cluster_of: Sequence[int], order_sensitivity: float | None = None) -> str:
     """Return a :class:`SceneImpact`, or a ``SceneResult`` message, as a table.
 
     Both have fields of the same names, except for the two that are arguments here.

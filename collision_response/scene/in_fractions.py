@@ -62,8 +62,7 @@ def decide(
     if cluster.approach_is_uncertain and not (cluster.is_locked and is_small):
         approaches = _has_approach(parts)
         if not (approaches and has_exact_impulses and not has_friction):
-            # No contact approaches, so no impulse is right. Or fractions cannot tell: then its error has no
-            # bound.
+            # Without an approach, no impulse is right. With one, its error has no bound.
             zeros = [0.0] * len(parts.contacts)
             nothing = Decided(zeros, zeros, error=math.inf if approaches else 0.0)
             return resolve_in_kernels(cluster, parts, options, Law.FRICTIONLESS, nothing)

@@ -14,7 +14,7 @@ from ..numbers.operations import Scalar
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Law
-from ..status import POSITIVE, ImpactError, StatusCode, format_value, renamed
+from ..status import POSITIVE, ImpactError, StatusCode, format_value, raise_renamed
 from .find_clusters import Pair
 
 T = TypeVar("T")
@@ -171,16 +171,11 @@ def with_scene_names(indices: ContactIndices, function: Callable[..., T], *argum
     """
     try:
         return function(*arguments)
-    except ImpactError as error:
-        if error.code is StatusCode.NO_DYNAMIC_BODY:
+    except (ImpactError, TypeError) as error:
+        if isinstance(error, ImpactError) and error.code is StatusCode.NO_DYNAMIC_BODY:
             reason = f"one body must be dynamic; is {(indices.body_a, indices.body_b)}"
             raise ImpactError(error.code, f"pairs[{indices.contact}]", reason) from None
-        raise error.renamed(indices.names()) from None
-    except TypeError as error:
-        text = renamed(str(error), indices.names())
-        if text == str(error):  # it names no field: a function of the caller's raised it
-            raise
-        raise TypeError(text) from None
+        raise_renamed(error, indices.names())
 
 
 def as_floats(

@@ -234,8 +234,7 @@ struct LeastWork {
     pressing.aim_at(effect);
     pressing.prepare();
     pressing.solve_from_zero(HARD);
-    Vector off = pressing.motion();
-    increase(off, -1, effect);
+    const Vector off = difference(pressing.motion(), effect);
     return std::sqrt(dot(off, off));
   }
 
@@ -304,9 +303,7 @@ struct LeastWork {
     Cones<double> programme = of_rest.as_cones();
     const double distance = of_rest.solve_precisely(programme, of_rest.solve_in_doubles(programme));
     const Solution found = of_rest.solution_of(programme, distance);
-    Motion off = found.after;
-    increase(off.y, -1, solution.after.y);
-    return norm_of(off.y) <= solution.error ? found : solution;
+    return norm_of(difference(found.after.y, solution.after.y)) <= solution.error ? found : solution;
   }
 
   // The error of y that is small enough.

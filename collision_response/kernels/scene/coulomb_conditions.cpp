@@ -417,11 +417,7 @@ double motion_error(const Conditions& solved, double turned, bool on_faces) {
     if (!other.solve_nearby(by)) return {};
     return other;
   };
-  auto distance = [&](const Conditions& other) {
-    Vector by = other.y;
-    increase(by, -1, solved.y);
-    return length_of(by);
-  };
+  auto distance = [&](const Conditions& other) { return length_of(difference(other.y, solved.y)); };
   const int kinds = solved.share_a_line() ? 2 : 1;  // of changes
   double most = 0;
   for (int kind = 0; kind < kinds; ++kind) {
@@ -508,9 +504,7 @@ Solution turned_back(const Assembly& assembly, const std::vector<ConditionAxes>&
 void refine(Solution& solution, const Conditions& found, Conditions along_own, bool on_faces) {
   constexpr double NEAR = 1e-3, SMALL = 1e-7;  // relative to the greatest impulse
   if (solution.error == INFINITY || !along_own.solve_from(solution.P)) return;
-  Vector off = along_own.y;
-  increase(off, -1, found.y);
-  const double apart = length_of(off);
+  const double apart = length_of(difference(along_own.y, found.y));
   if (apart > std::fmax(solution.error, NEAR * found.greatest())) {
     if (solution.error > SMALL * found.greatest()) solution.error = INFINITY;
     return;

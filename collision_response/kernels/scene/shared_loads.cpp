@@ -85,16 +85,16 @@ Vector share_nearly(const Assembly& assembly, const Vector& loads, const std::ve
                     const Vector& target) {
   const int walls = assembly.body_count;
   const double greatest = greatest_of(loads);
-  double fastest = 0, mean = 0;
+  double fastest = 0, mean_mass = 0;
   for (int i : among) {
     const AssembledContact& contact = assembly.contacts[i];
     fastest = std::fmax(fastest, std::fabs(high(contact.velocity)) * contact.scale);
-    mean += contact.unit() * contact.unit() / static_cast<double>(among.size());
+    mean_mass += contact.unit() * contact.unit() / static_cast<double>(among.size());
   }
   Cones<DD> programme(walls + assembly.walls_move_apart);
   for (int i : among) {
     const AssembledContact& contact = assembly.contacts[i];
-    programme.cones.push_back(cone_of(contact, assembly.axes_of<DD>(contact), 1, 1 / mean));
+    programme.cones.push_back(cone_of(contact, assembly.axes_of<DD>(contact), 1, 1 / mean_mass));
     programme.cones.back().mu = 0;
     programme.P.push_back({DD{loads[i] / greatest, 0}, DD{}, DD{}});
   }

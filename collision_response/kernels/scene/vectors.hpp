@@ -72,3 +72,7 @@ template <class R>
 void increase(std::vector<R>& y, double by, const std::vector<R>& x) {
   for (size_t i = 0; i < y.size(); ++i) y[i] += by * x[i];
 }
+inline Vector difference(Vector x, const Vector& y) {
+  increase(x, -1, y);
+  return x;
+}
