@@ -161,7 +161,7 @@ def differentiate(
     directions, columns = _directions_and_columns(with_respect_to)
     check_coefficients(contact)
     impact = resolve(body_a, body_b, contact, model)
-    if model.geometry not in (Geometry.AUTO, Geometry.SPATIAL):
+    if model.geometry is not Geometry.AUTO and model.geometry is not Geometry.SPATIAL:
         reason = f"must be AUTO or SPATIAL for derivatives, is {model.geometry.name}"
         raise ImpactError(StatusCode.INVALID_MODEL, "model.geometry", reason)
     # At 0, the derivative by friction is that of the law of contacts with friction, also in a batch.
@@ -215,7 +215,9 @@ def unit_directions(*with_respect_to: str) -> Array:
 
 def _directions_and_columns(with_respect_to: Iterable[str]) -> tuple[Array, dict[str, slice]]:
     try:
-        return _unit_directions(tuple(as_list("with_respect_to", with_respect_to)))
+        is_tuple = type(with_respect_to) is tuple  # then a copy takes time for nothing
+        names = with_respect_to if is_tuple else as_list("with_respect_to", with_respect_to)
+        return _unit_directions(tuple(names))
     except TypeError:  # it is not iterable, one name, or holds something else
         reason = f"must be a sequence of names of parameters, is {format_value(with_respect_to)}"
         raise TypeError(f"with_respect_to: {reason}") from None

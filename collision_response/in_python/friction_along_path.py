@@ -24,7 +24,7 @@ from ..status import StatusCode
 from .coefficients_at_speed import friction_at_speed, initial_slip_speed
 from .request_numbers import as_fraction, body_as_fractions, contact_as_fractions
 
-SAFETY = 4.0
+SAFETY = 4
 """The error bound is the estimated error times this factor, plus ``ADDED_TOLERANCES``."""
 
 ADDED_TOLERANCES = 8.0
@@ -92,7 +92,7 @@ def _answer_and_bound(
     changes, errors = (bounded_vectors(bodies, x) for x in (answer.changes, answer.estimated_error))
     for pair in zip(changes, errors, strict=True):
         size, error = (sum((weight * x) ** 2 for x, weight in components) for components in pair)
-        if error > 0 and error * 16 >= size:  # squares: SAFETY times the ratio is at least 1
+        if error > 0 and SAFETY**2 * error >= size:  # both are squares
             return answer, math.inf
         worst = max(worst, math.sqrt(error / size) if size else 0.0)
     return answer, SAFETY * worst + ADDED_TOLERANCES * path_tolerance(settings.tolerance)

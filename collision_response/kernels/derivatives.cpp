@@ -213,13 +213,16 @@ struct Differentiation {
     arena = {};
     double x[INPUTS];
     for (int i = 0; i < INPUTS; ++i) x[i] = inputs[i * n + at];
-    const Units units = suitable_units(x);
+    const bool is_scaled = !std::all_of(x, x + INPUTS, is_usual);
+    const Units units = is_scaled ? Units::of(x, false) : Units{};
+    auto power_of = [&](const signed char* dimensions) { return is_scaled ? units.power_of(dimensions) : 0; };
     SparseDerivatives parameters[PARAMETERS];
-    for (int p = 0; p < PARAMETERS; ++p) parameters[p] = parameter(p, at, first, width, power_of_parameter(p, units));
+    for (int p = 0; p < PARAMETERS; ++p)
+      parameters[p] = parameter(p, at, first, width, is_scaled ? power_of_parameter(p, units) : 0);
     SparseDual in[INPUTS], y[CHANGES];
     bool loses_inertia = false;
     for (int i = 0; i < INPUTS; ++i) {
-      const double number = limited(i, scaled(x[i], units.power_of(input_units[i])));
+      const double number = limited(i, scaled(x[i], power_of(input_units[i])));
       in[i] = SparseDual(Make<Bounded<double>>::constant(number));
       loses_inertia = loses_inertia || (is_inertia(i) && number == 0 && x[i] != 0);
     }
@@ -228,7 +231,7 @@ struct Differentiation {
     changes(in, y, nullptr, nullptr, LawImpulse{law, width});
     Edges kinks = 0, jumps = 0;
     for (int i = 0; i < RESULTS; ++i) {
-      const int place = i < TWISTS ? AXES + i : i - TWISTS, power = -units.power_of(change_units[place]);
+      const int place = i < TWISTS ? AXES + i : i - TWISTS, power = -power_of(change_units[place]);
       const SparseDual& change = y[place];
       SparseDerivatives d = change.d;
       if (i < TWISTS)
@@ -237,8 +240,7 @@ struct Differentiation {
       const double* line = reinterpret_cast<const double*>(d.d);
       const int begin = std::min(4 * d.begin, width), end = std::max(begin, std::min(4 * d.end, width));
       for (int k = 0; k < begin; ++k) row[k * n] = 0;
-      for (int k = begin; k < end; ++k) row[k * n] = line[k];
-      for (int k = begin; power && k < end; ++k) row[k * n] = std::ldexp(row[k * n], power);
+      for (int k = begin; k < end; ++k) row[k * n] = scaled(line[k], power);
       for (int k = end; k < width; ++k) row[k * n] = 0;
       kinks |= change.kinks;
       jumps |= change.jumps;
@@ -249,12 +251,9 @@ struct Differentiation {
  private:
   static constexpr int ORIENTATION = BODY_ORIENTATION_X, VELOCITY = BODY_VELOCITY_X - 1;
 
-  // Units in which no product leaves the range of floats; those that are given if no number is extreme.
-  static Units suitable_units(const double* x) {
-    auto is_usual = [](double x) {
-      return x == 0 || std::isinf(x) || (0x1p-60 < std::fabs(x) && std::fabs(x) < 0x1p60);
-    };
-    return std::all_of(x, x + INPUTS, is_usual) ? Units{} : Units::of(x, false);
+  // Whether products of some such numbers stay in the range of floats: if so, no other units are needed.
+  static bool is_usual(double x) {
+    return x == 0 || std::isinf(x) || (0x1p-60 < std::fabs(x) && std::fabs(x) < 0x1p60);
   }
   // Friction, and the threshold of restitution, no greater than matters: their squares are in the range of doubles.
   static double limited(int i, double x) {
@@ -276,13 +275,20 @@ struct Differentiation {
     if (side < 2 && i >= ORIENTATION && i < ORIENTATION + AXES) return 0;
     return units.power_of(input_units[side * BODY + i + (side < 2 && i > ORIENTATION)]);
   }
+  static bool are_zero(const double* four) {
+    std::uint64_t bits[4];
+    std::memcpy(bits, four, sizeof bits);
+    return (bits[0] | bits[1] | bits[2] | bits[3]) << 1 == 0;  // whatever the signs
+  }
   // The components of some directions along a parameter, times a power of two; mostly only one is not 0. Not inlined: the
   // caller has no registers left.
   __attribute__((noinline)) SparseDerivatives parameter(int p, long at, long first, int width, int power) const {
     const long step = direction_stride ? n : 1;
     const double* row = directions + (p * count + first) * step + direction_stride * at;
     int begin = 0, end = width;
+    while (begin + 4 <= end && step == 1 && are_zero(row + begin)) begin += 4;
     while (begin < end && row[begin * step] == 0) ++begin;
+    while (begin + 4 <= end && step == 1 && are_zero(row + end - 4)) end -= 4;
     while (begin < end && row[(end - 1) * step] == 0) --end;
     if (begin == end) return {};
     SparseDerivatives d(begin / 4, (end + 3) / 4);

@@ -57,13 +57,20 @@ the change of velocity that it causes along itself, a normal as 1 m/s."""
 MAX_CONE_SLOPE = 3.0
 """Friction coefficient above which friction cones are not drawn wider."""
 
-CIRCLE = np.linspace(0, 2 * np.pi, 32, endpoint=False)
+SIDES = 32
+CIRCLE = np.linspace(0, 2 * np.pi, SIDES, endpoint=False)
 CONE_MESH = rr.Mesh3D(
-    vertex_positions=[(0.0, 0.0, 0.0), *np.stack([np.cos(CIRCLE), np.sin(CIRCLE), np.ones(32)], axis=1)],
-    triangle_indices=[(0, 1 + i, 1 + (i + 1) % 32) for i in range(32)],
+    vertex_positions=[(0.0, 0.0, 0.0), *np.stack([np.cos(CIRCLE), np.sin(CIRCLE), np.ones(SIDES)], axis=1)],
+    triangle_indices=[(0, 1 + i, 1 + (i + 1) % SIDES) for i in range(SIDES)],
     albedo_factor=(*VIOLET, 40),
 )
 """A cone about the z axis with height and slope 1."""
+
+OPPOSITE = 1e-12
+"""A unit vector this close to -z is half a turn from z, about the x axis: its own axis would be rounding."""
+
+FLUSH_TIME = 5.0
+"""Longest time [s] to wait for rerun to pass on what it was given."""
 
 LAYOUT_FILE = "layout.rrd"
 
@@ -126,7 +133,7 @@ class Writer:
             raise
         self._stream.log_file_from_contents(LAYOUT_FILE, recording.layout)
         self._log_styles()
-        self._stream.flush(timeout_sec=5.0)  # so that the styles come before the columns
+        self._stream.flush(timeout_sec=FLUSH_TIME)  # so that the styles come before the columns
 
     def __enter__(self) -> Writer:
         return self
@@ -155,7 +162,7 @@ class Writer:
             for entity, look in looks:
                 self._stream.log(entity, look, static=True)
             self._stream.send_columns(path, indexes=times, columns=shape)
-        self._stream.flush(timeout_sec=5.0)
+        self._stream.flush(timeout_sec=FLUSH_TIME)
         self.file.check()
 
     def _prepared(self, batch: Sequence[Entry]) -> tuple[list[Columns], dict[Appearance, BodyStyle]]:
@@ -338,7 +345,7 @@ def _from_z_axis(normals: np.ndarray) -> np.ndarray:
     """Quaternions ``(x, y, z, w)`` that rotate the z axis to unit vectors."""
     x, y, z = normals.T
     turned = np.stack([-y, x, 0 * x, 1 + z], axis=1)
-    turned[z < -1 + 1e-12] = 1.0, 0.0, 0.0, 0.0
+    turned[z < -1 + OPPOSITE] = 1.0, 0.0, 0.0, 0.0
     return _units(turned)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -46,6 +46,12 @@ class ClusterParts(NamedTuple):
     counts: list[int]
     indices: list[int]
     body_indices: list[int]
+
+    def in_fractions(self) -> Iterator[tuple[Body, Body, Contact]]:
+        """Yield each contact, after its two bodies, in fractions."""
+        bodies = list(map(body_as_fractions, self.bodies))
+        for (a, b), contact in zip(self.pairs, self.contacts, strict=True):
+            yield bodies[a], bodies[b], contact_as_fractions(contact)
 
     def select(self, places: Sequence[int]) -> ClusterParts:
         """Return the parts with only some of the contacts."""

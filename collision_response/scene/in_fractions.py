@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
-from ..in_python.request_numbers import body_as_fractions, contact_as_fractions
 from ..kernels import library
 from ..kernels.protocol import RATIONAL_CONTACTS
 from ..model import Adjustment
@@ -134,10 +133,8 @@ def _check_for_contradiction(cluster: library.Cluster, parts: ClusterParts) -> N
 
 def _has_approach(parts: ClusterParts) -> bool:
     """Whether a contact approaches, decided in fractions."""
-    bodies = list(map(body_as_fractions, parts.bodies))
-    for (a, b), given in zip(parts.pairs, parts.contacts, strict=True):
-        contact = contact_as_fractions(given)
-        u_a, u_b = (Column.of(bodies[k], contact.position, contact.normal).velocity for k in (a, b))
+    for *bodies, contact in parts.in_fractions():
+        u_a, u_b = (Column.of(body, contact.position, contact.normal).velocity for body in bodies)
         if u_a < u_b:
             return True
     return False

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from ..arguments import check_number
 from ..geometry import suffices
-from ..in_python.request_numbers import body_as_fractions, contact_as_fractions
 from ..kernels import library
 from ..model import Adjustment, Geometry, ImpactModel, Precision, law_for
 from ..physics.laws import CLUSTER_LAWS, Law
@@ -93,9 +92,7 @@ def _check_tangential_restitution(parts: ClusterParts, model: ImpactModel, law: 
 
 def _check_geometry(parts: ClusterParts, geometry: Geometry) -> None:
     """Raises: ImpactError: INVALID_MODEL, if the geometry leaves out motion that the cluster has."""
-    bodies = list(map(body_as_fractions, parts.bodies))
-    for (a, b), given in zip(parts.pairs, parts.contacts, strict=True):
-        contact = contact_as_fractions(given)
-        if not suffices(geometry, bodies[a], bodies[b], contact, frictionless=False):
+    for request in parts.in_fractions():
+        if not suffices(geometry, *request, frictionless=False):
             reason = f"{geometry.name} leaves out motion of this cluster: use AUTO or SPATIAL"
             raise ImpactError(StatusCode.INVALID_MODEL, "model.geometry", reason)

@@ -21,13 +21,15 @@ struct SlipMatrix {
   // The change from the friction impulse `now` to one of size at most `most` that opposes the slip, or nearly does.
   // v1, v2: the slip now.
   Axes change(const Axes& now, double most, double v1, double v2) const {
+    constexpr double REGULAR = 1e-6;  // least determinant, over the square of the trace, to solve for no slip
+    constexpr int TURNS = 4;  // the sweeps do the rest
     const double det = c11 * c22 - c12 * c12;
     double t1 = now[1], t2 = now[2];
-    if (det > 1e-6 * trace() * trace()) {
+    if (det > REGULAR * trace() * trace()) {
       double s1 = t1 - (c22 * v1 - c12 * v2) / det, s2 = t2 - (c11 * v2 - c12 * v1) / det;
       if (s1 * s1 + s2 * s2 <= most * most) return {0, s1 - t1, s2 - t2};
     }
-    for (int turn = 0; turn < 4; ++turn) {
+    for (int turn = 0; turn < TURNS; ++turn) {
       double d1 = t1 - now[1], d2 = t2 - now[2];
       double s1 = t1 - (v1 + c11 * d1 + c12 * d2) / trace(), s2 = t2 - (v2 + c12 * d1 + c22 * d2) / trace();
       double size = length(s1, s2), fits = size > most ? most / size : 1;
