@@ -16,7 +16,7 @@ import math
 from collections import defaultdict
 from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from graphlib import CycleError, TopologicalSorter
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -27,6 +27,8 @@ from .physics.mass_properties import MassProperties, of_particles, within_float6
 from .physics.orientation import Quaternion
 from .physics.tensor import Symmetric3
 from .status import ImpactError, format_value
+
+T = TypeVar("T")
 
 Pose = Any
 """A homogeneous matrix of shape (4, 4)."""
@@ -54,6 +56,21 @@ SDF_JOINTS = (
 )
 
 
+def _compared_with_arrays(kind: type[T]) -> type[T]:
+    """Decorate a named tuple with arrays: tuples compare them, but whether arrays are equal is an array."""
+
+    def is_equal(one: Any, other: Any) -> bool:
+        return type(one) is type(other) and all(map(np.array_equal, one, other))
+
+    def differs(one: Any, other: Any) -> bool:
+        return not is_equal(one, other)
+
+    for name, method in (("__eq__", is_equal), ("__ne__", differs), ("__hash__", None)):
+        setattr(kind, name, method)
+    return kind
+
+
+@_compared_with_arrays
 class Inertial(NamedTuple):
     """A link's mass [kg], centre of mass [m] and inertia about it [kg m^2], in the axes of the link."""
 
@@ -62,6 +79,7 @@ class Inertial(NamedTuple):
     inertia: Any
 
 
+@_compared_with_arrays
 class Joint(NamedTuple):
     """A joint between two links, and the pose of the child in the axes of the parent at joint position 0."""
 
@@ -101,6 +119,8 @@ class Description(NamedTuple):
         """
         if not isinstance(text, (str, bytes)):
             raise TypeError(f"text: must be the XML as text or bytes, is {format_value(text)}")
+        if text and "<" not in (text if isinstance(text, str) else text.decode("latin-1")):
+            raise ValueError(f"text: must be the XML itself, not the name of a file; is {format_value(text)}")
         try:
             root = ElementTree.fromstring(text)
         except (ElementTree.ParseError, LookupError, ValueError) as error:  # the last two: of the encoding

@@ -277,7 +277,7 @@ def _mapping(field: str, tree: Any, keys: tuple[str, ...] | None) -> Mapping[str
         raise _malformed(field, "must be a mapping", tree)
     unknown = [key for key in tree if keys is not None and key not in keys]
     if unknown:
-        raise _malformed(field, f"may have {', '.join(keys or ())}", unknown[0])
+        raise _malformed(field, f"may only have {', '.join(keys or ())}", unknown[0])
     return tree
 
 

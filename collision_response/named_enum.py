@@ -12,4 +12,4 @@ class NamedEnum(IntEnum):
         return self.name
 
     def __format__(self, spec: str) -> str:
-        return format(self.name, spec)
+        return format(int(self) if spec[-1:] in ("b", "d", "o", "x", "X") else self.name, spec)

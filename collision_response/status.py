@@ -87,6 +87,9 @@ def format_value(value: object, spell: Callable[[Any], str] = repr) -> str:
 POSITIVE = math.nextafter(0, 1)
 """The least positive float: as the lower limit of a range, it excludes 0."""
 
+BELOW_ONE = math.nextafter(1, 0)
+"""The greatest float below 1: as the upper limit of a range, it excludes 1."""
+
 
 def format_range(least: float, most: float) -> str:
     """Return "at least 0", "positive" or "in [0, 1]" for an error message.
@@ -94,6 +97,8 @@ def format_range(least: float, most: float) -> str:
     Integers and floats read the same.
     """
     low, high = (str(limit).removesuffix(".0") for limit in (least, most))
+    if most == BELOW_ONE:
+        return f"in [{low}, 1)"
     if least == POSITIVE:
         return "positive" if most == math.inf else f"in (0, {high}]"
     return f"at least {low}" if most == math.inf else f"in [{low}, {high}]"

@@ -224,3 +224,17 @@ def falling(n, model=EXTENDED):
     bodies[body_row.velocity][2] = [-3.0, 0.0]
     contacts[contact_row.normal][2], contacts[contact_row.restitution] = 1.0, 0.3
     return pack(bodies, [np.zeros(n), np.ones(n)], contacts, model)
+
+
+def publish_until_received(graph: Graph, *states: BodyState) -> None:
+    """Publish states until the node has them; best effort may lose some."""
+    publisher = graph.user.create_publisher(BodyState, "body_states", 10)
+    kind = ResolveCollisionBatch.Request
+    request = kind(layout=kind.SPATIAL_ORIENTED, names="\n".join(state.name for state in states))
+
+    def heard() -> bool:
+        for state in states:
+            publisher.publish(state)
+        return "has been received" not in graph.call(request).message
+
+    wait_until(heard)

@@ -366,3 +366,45 @@ def test_vectors_of_vectors_are_freed_however_deep():
     for _ in range(200_000):
         deep = Vec3(deep, None, None)
     del deep
+
+
+def test_enumerations_print_as_names_and_format_as_numbers():
+    assert (f"{Regime.SLIDING}", f"{StatusCode.OK:d}", f"{Regime.SLIDING:02d}", f"{Law.MOREAU:>8}") == (
+        "SLIDING",
+        "1",
+        "03",
+        "  MOREAU",
+    )
+
+
+@pytest.mark.parametrize("factor", [np.float64(2.0), np.float32(2.0), np.int64(2)])
+def test_a_vector_is_scaled_by_numbers_of_numpy_from_either_side(factor):
+    v = Vec3(1.0, 2.0, 3.0)
+    assert type(factor * v) is type(v * factor) is Vec3
+    assert factor * v == v * factor == Vec3(2.0, 4.0, 6.0)
+    assert type(np.array([1.0, 2.0, 3.0]) - v) is Vec3
+
+
+def test_a_vector_is_not_multiplied_by_a_list():
+    with pytest.raises(TypeError, match="dot"):
+        Vec3(1.0, 2.0, 3.0) * [1.0, 2.0, 3.0]
+
+
+@pytest.mark.parametrize("wrong", ["com", "inertia", "vel"])
+def test_a_shape_says_what_it_takes(wrong):
+    message = (
+        rf"^{wrong}: a shape takes position, orientation, velocity and angular_velocity; for inertia or com "
+    )
+    with pytest.raises(TypeError, match=message):
+        Body.sphere(1.0, 0.1, **{wrong: (0, 0, 1)})
+
+
+def test_three_principal_moments_are_refused_with_the_right_form():
+    with pytest.raises(ValueError, match=r"principal moments a, b, c are \(a, 0, 0, b, 0, c\)$"):
+        Body.dynamic(1.0, (1.0, 2.0, 3.0))
+
+
+def test_a_body_takes_a_twist_of_tuples():
+    assert Body.dynamic(1.0).with_twist(Twist((0, 0, 1), (0, 2, 0))).velocity.z == 1
+    with pytest.raises(TypeError, match=r"^twist\.linear: must be \(x, y, z\)"):
+        Body.dynamic(1.0).with_twist(Twist(1.0, (0, 2, 0)))

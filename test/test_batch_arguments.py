@@ -329,3 +329,9 @@ def test_a_matrix_gives_what_an_array_gives(seed):
         expected = resolve_batch(bodies, contacts, model, pairs=pairs)
         found = resolve_batch(np.matrix(bodies), np.matrix(contacts), model, pairs=pairs)
         assert_same(found, expected)
+
+
+def test_a_table_of_bodies_without_pairs_is_refused_with_the_argument_to_give():
+    rows, contact = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    with pytest.raises(ValueError, match=r"a table of bodies needs the argument pairs$"):
+        resolve_batch(np.zeros((rows.height, 3)), np.zeros((contact.height, 2)))

@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from batch_cases import FIRST_FAULTY, N, assert_same, collision_at, columns, shared_batch
-from ros_graph import LATCHED, assign, ball, balls_meet, request_of, wait_until
+from ros_graph import LATCHED, assign, ball, balls_meet, publish_until_received, request_of, wait_until
 
 from collision_response import Geometry, ImpactError, ImpactModel, Law, Precision, StatusCode
 from collision_response.batch import resolve_batch
@@ -28,7 +28,7 @@ from collision_response.ros.batch_client import pack, unpack
 from collision_response.ros.batches import write_codes
 from collision_response.ros.convert import body_of, write_model
 from collision_response.ros.tables import LAYOUTS, Request, Response
-from collision_response.srv import ResolveCollision
+from collision_response.srv import ResolveCollision, ResolveScene
 
 nan, inf = math.nan, math.inf
 LAWS = [law for law in Law if law]
@@ -364,19 +364,6 @@ def ramp() -> BodyState:
     return state
 
 
-def publish_until_received(graph: Any, *states: BodyState) -> None:
-    """Publish states until the node has them; best effort may lose some."""
-    publisher = graph.user.create_publisher(BodyState, "body_states", 10)
-    request = Request(layout=Request.SPATIAL_ORIENTED, names="\n".join(state.name for state in states))
-
-    def heard() -> bool:
-        for state in states:
-            publisher.publish(state)
-        return "has been received" not in graph.call(request).message
-
-    wait_until(heard)
-
-
 def column(layout: int, state: BodyState) -> np.ndarray:
     """The column of a table that a client would write for a body in this state."""
     of, body = LAYOUTS[layout].bodies, with_com_as_reference(body_of("body", state))
@@ -619,3 +606,10 @@ def test_pack_accepts_any_memory_layout_and_type():
 
 def test_the_docstring_examples_run():
     assert doctest.testmod(batch_client) == (0, 8)
+
+
+def test_the_response_of_another_service_is_not_unpacked():
+    with pytest.raises(
+        TypeError, match=r"^response: must be of ResolveCollisionBatch, is ResolveScene_Response"
+    ):
+        unpack(ResolveScene.Response())

@@ -100,3 +100,16 @@ def test_directions_of_a_wrong_shape_are_refused():
         differentiate_batch(
             np.ones((body_row.height, 2, 3)), np.ones((contact_row.height, 3)), np.ones((5, 2))
         )
+
+
+def test_what_is_not_among_the_derivatives_is_refused_with_what_is():
+    found = differentiate(BODY_A, BODY_B, CONTACT, with_respect_to=["body_a.mass"])
+    with pytest.raises(KeyError, match=r"result: must be one of twist_a.linear, .*; is 'twist_a'"):
+        found.of("twist_a", "body_a.mass")
+    with pytest.raises(KeyError, match=r"parameter: must be one of body_a.mass; is 'body_a.velocity'"):
+        found.of("impulse", "body_a.velocity")
+
+
+def test_unit_directions_take_names_one_by_one():
+    with pytest.raises(TypeError, match=r"given one by one, as in unit_directions\('body_a.mass'"):
+        unit_directions(["body_a.mass"])

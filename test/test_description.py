@@ -479,3 +479,20 @@ def test_unknown_and_massless_links_are_refused_by_name():
         description.mass_properties("bass")
     with pytest.raises(ValueError, match="link 'world' of 'robot' has no mass"):
         description.mass_properties("world")
+
+
+def test_the_name_of_a_file_is_no_description():
+    with pytest.raises(
+        ValueError, match=r"^text: must be the XML itself, not the name of a file; is 'robot.urdf'"
+    ):
+        Description.read("robot.urdf")
+
+
+def test_descriptions_with_equal_numbers_are_equal():
+    joint = "<joint name='j' type='fixed'><parent link='a'/><child link='b'/>{}</joint>"
+    links = f"<link name='a'/><link name='b'/>{joint}"
+    one, same, other = (
+        Description.read(f"<robot name='r'>{links.format(origin)}</robot>")
+        for origin in ("", "<origin xyz='0 0 0'/>", "<origin xyz='0 0 1'/>")
+    )
+    assert one == same and one != other

@@ -20,7 +20,7 @@ pytest.importorskip("rerun")
 
 import pyarrow as pa
 import rerun as rr
-from recordings import closed
+from recordings import closed, impact, recorded
 
 from collision_response import (
     Body,
@@ -850,3 +850,10 @@ def test_a_scene_that_is_answered_differently_is_reported(recording, capsys):
     assert second.startswith("answer 1, scene of box, the floor: regimes was ['REVERSED', ")
     assert last == "0 impacts and 1 scenes computed again, 1 of them with different answers"
     assert main(["replay", "--tolerance", "2", str(path)]) == 1  # the tolerance does not apply to words
+
+
+def test_one_path_is_one_file(tmp_path):
+    path = recorded(tmp_path, [impact(1)])
+    assert read(str(path)).num_rows == read(path).num_rows == read([path]).num_rows == 1
+    with pytest.raises(TypeError, match=r"^paths: must be a sequence, is None"):
+        read(None)

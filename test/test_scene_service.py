@@ -470,3 +470,44 @@ def test_a_scene_is_recorded(graph, tmp_path):
     told = [words for _, _, (words,) in read(path, "/log", "TextLog:text")]
     assert told[0].startswith("4 contacts of 2 bodies at once: ")
     assert told[1].startswith("INVALID_NORMAL: contacts[0].normal")
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (
+            lambda: pack([CUBE, Body.static()], [("cube", "floor")], [CONTACTS[0]]),
+            ValueError,
+            r"^pairs\[0\]: must be two indices",
+        ),
+        (
+            lambda: pack([CUBE, Body.static()], [(0, 1)], [CONTACTS[0]._replace(friction="a")]),
+            TypeError,
+            r"^contacts\[0\]\.friction:",
+        ),
+        (
+            lambda: pack([CUBE, Body.static()], [(0, 1)], [CONTACTS[0]._replace(friction=None)]),
+            TypeError,
+            r"^contacts\[0\]\.friction:",
+        ),
+        (
+            lambda: pack([Body.dynamic(None), Body.static()], [(0, 1)], [CONTACTS[0]]),
+            TypeError,
+            r"^bodies\[0\]\.mass:",
+        ),
+        (
+            lambda: pack([CUBE, Body.static()], [(0, 1)], [CONTACTS[0]._replace(normal=1)]),
+            TypeError,
+            r"^contacts\[0\]\.normal:",
+        ),
+        (
+            lambda: pack_named([("a", "b", (0, 0, 0), (0, 0, 1))]),
+            TypeError,
+            r"^touches\[0\]: must be a Touch",
+        ),
+        (lambda: pack_named([], [CUBE]), TypeError, r"^bodies: must be a mapping"),
+    ],
+)
+def test_packing_names_what_has_the_wrong_type(make, error, message):
+    with pytest.raises(error, match=message):
+        make()

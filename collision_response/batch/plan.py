@@ -145,7 +145,8 @@ def _check_tables(bodies: Array, contacts: Array, pairs: Array | None) -> None:
         n, shape = bodies.shape[-1] if bodies.ndim else 0, f"({heights}, 2, N)"
         fits = bodies.ndim == 3 and bodies.shape[1] == 2
     if not fits or bodies.shape[0] not in TABLE_LAYOUTS:
-        raise ValueError(f"bodies: must be of shape {shape}, is {bodies.shape}")
+        hint = "; a table of bodies needs the argument pairs" if pairs is None and bodies.ndim == 2 else ""
+        raise ValueError(f"bodies: must be of shape {shape}, is {bodies.shape}{hint}")
     if contacts.ndim != 2 or contacts.shape[1] != n:
         raise ValueError(f"contacts: must be of shape (rows, {n}), is {contacts.shape}")
 

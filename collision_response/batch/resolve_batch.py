@@ -80,9 +80,9 @@ def resolve_batch(
         contacts: the contacts, shape ``(rows, N)``, of the same type as ``bodies``: float32 or float64.
         model: what to model, and how exactly. AUTO law is COULOMB if ``contacts`` has a row of friction, else
             FRICTIONLESS. A tolerance and EXTENDED precision need float64.
-        pairs: for each contact the columns of its body_a and its body_b, integers, shape ``(2, N)``. A pair
-            that names one body twice gets the status SAME_BODY, a pair that names no column of ``bodies``
-            gets UNKNOWN_BODY.
+        pairs: for each contact the columns of its body_a and its body_b, integers, shape ``(2, N)``: the
+            transpose of what :func:`~collision_response.resolve_scene` takes. A pair that names one body
+            twice gets the status SAME_BODY, a pair that names no column of ``bodies`` gets UNKNOWN_BODY.
         report: whether to report regimes, energies and adjustments, too. A contact with an energy beyond
             the type of the tables is then OUT_OF_RANGE, as in :func:`~collision_response.resolve`.
         out: where to write the results: an earlier result, or a BatchResult of arrays of the same shapes and
@@ -97,7 +97,8 @@ def resolve_batch(
         those of ``bodies``, or with ``pairs`` those of ``contacts``, without the empty ones.
 
     Raises:
-        ImpactError: INVALID_MODEL or INVALID_COEFFICIENT, if the model is invalid, or not for batches.
+        ImpactError: INVALID_MODEL or INVALID_COEFFICIENT, if the model is invalid, or not for batches, or
+            ``workers`` is below 1.
         TypeError: if ``model`` is not an :class:`~collision_response.ImpactModel`, or ``workers`` not a whole
             number.
         ValueError: if an array has the wrong shape or type.

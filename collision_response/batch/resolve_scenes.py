@@ -35,7 +35,7 @@ from ..model import DEFAULT, LARGEST_BOUND, ImpactModel
 from ..physics.laws import PATHS
 from ..scene import resolve_scene
 from ..scene.frictionless import THRESHOLD
-from ..status import ImpactError, StatusCode
+from ..status import BELOW_ONE, ImpactError, StatusCode
 from .arrays import Array, as_numpy, compared_by_identity
 from .one_by_one import body_of, contact_of
 from .pairs import IS_ANSWER, as_pairs
@@ -132,7 +132,7 @@ def resolve_scenes(
     contacts, pairs = np.ascontiguousarray(as_numpy("contacts", contacts)), as_pairs(pairs)
     pairs = pairs.copy()  # another thread may change what is given, after the check of its indices
     check_count("workers", workers, 1, math.inf)
-    check_number("threshold", threshold, 0, math.nextafter(1, 0), StatusCode.INVALID_MODEL)
+    check_number("threshold", threshold, 0, BELOW_ONE, StatusCode.INVALID_MODEL)
     request = BatchRequest.of(bodies, contacts, model, pairs)
     model = request.plan.model
     if bodies.dtype != np.float64 or contacts.shape[0] > request.plan.layout.contacts.height:

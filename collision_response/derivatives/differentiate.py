@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable
-from enum import IntEnum
 from functools import lru_cache
 from operator import attrgetter
 from struct import Struct
@@ -36,6 +35,7 @@ from ..kernels.layout import (
     widths_of,
 )
 from ..model import DEFAULT, Adjustment, Geometry, ImpactModel, law_for, plan_model
+from ..named_enum import NamedEnum
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Settings
@@ -69,7 +69,7 @@ PARAMETER_COUNT = max(components.stop for components in PARAMETERS.values())
 RESULT_COUNT = max(rows.stop for rows in RESULTS.values())
 
 
-class Smoothness(IntEnum):
+class Smoothness(NamedEnum):
     """Where a derivative is valid."""
 
     SMOOTH = 0
@@ -115,6 +115,9 @@ class Derivatives(NamedTuple):
         Raises:
             KeyError: if there is no such result, or the parameter was not requested.
         """
+        for field, name, known in (("result", result, RESULTS), ("parameter", parameter, self.columns)):
+            if name not in known:
+                raise KeyError(f"{field}: must be one of {', '.join(known)}; is {format_value(name)}")
         part: Array = self.jacobian[RESULTS[result], self.columns[parameter]]
         return part
 
@@ -210,6 +213,9 @@ def unit_directions(*with_respect_to: str) -> Array:
         ImpactError: INVALID_MODEL if a name is not in :data:`PARAMETERS` or there twice.
         TypeError: if something is no name.
     """
+    if len(with_respect_to) == 1 and not isinstance(with_respect_to[0], str):
+        reason = f"are given one by one, as in {unit_directions.__name__}('body_a.mass', 'contact.friction')"
+        raise TypeError(f"with_respect_to: names {reason}; is {format_value(with_respect_to[0])}")
     return _directions_and_columns(with_respect_to)[0].copy()
 
 

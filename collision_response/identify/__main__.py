@@ -13,7 +13,7 @@ from ..status import ImpactError
 from . import from_table
 from .compare import Comparison, compare
 from .identification import LAWS, Identification, identify
-from .least_squares import SEARCH_RANGES
+from .least_squares import LOSSES, SEARCH_RANGES
 from .measurements import Measurements
 from .plot import draw
 
@@ -32,6 +32,7 @@ def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     parser = argparse.ArgumentParser(
         prog="collision_response identify",
+        usage="collision_response identify FILE [OPTION ...]",
         description="Restitution and friction from measured impacts.",
         epilog=(from_table.__doc__ or "").replace("``", ""),
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -42,12 +43,17 @@ def make_parser() -> argparse.ArgumentParser:
     add("file", type=Path, help="CSV, its columns explained below; or a recording, .rrd")
     add("--law", choices=LAWS_BY_NAME, help="default: coulomb")
     add("--compare", action="store_true", help="fit all laws, and say which the impacts distinguish")
-    add("--fit", metavar="NAME", help=", ".join(SEARCH_RANGES), **several)
+    usual = "default: restitution, and friction if the law has it"
+    add("--fit", metavar="NAME", help=f"coefficients: {', '.join(SEARCH_RANGES)}; {usual}", **several)
     add("--given", help="coefficients that are known: they are not fitted", type=_number, **pairs)
     columns = "columns that the file lacks: a number, or another column: nz=1 vx_after=vx2"
     add("--set", help=columns, type=_pair, **pairs)
-    add("--residuals", default="", help="kinetic, contact or linear; for readings: all, or one quantity")
-    add("--loss", default="soft_l1", help="loss of scipy.optimize.least_squares; default: soft_l1")
+    add(
+        "--residuals",
+        default="",
+        help="kinetic, contact or linear; for readings: all, or one; default: the first",
+    )
+    add("--loss", default="soft_l1", help=f"{', '.join(LOSSES)}; default: soft_l1")
     add("--resamples", type=int, default=200, help="fits of the bootstrap; default: 200")
     add("--plot", type=Path, metavar="FILE", help="write a picture: .png, .svg or .pdf")
     add(
@@ -97,7 +103,8 @@ def _failed(file: object, error: Exception) -> int:
         print(error, file=sys.stderr)
         return os.EX_UNAVAILABLE
     if isinstance(error, ImpactError):
-        error = error.renamed({"kind": "--residuals"})
+        options = {name: f"--{name}" for name in ("fit", "given", "loss", "resamples")}
+        error = error.renamed({"kind": "--residuals", **options})
     code = f" ({error.code.name})" if isinstance(error, ImpactError) else ""
     reason = getattr(error, "strerror", None) or " ".join(str(error).split())  # strerror names no file
     where = "" if str(file) in reason else f"{file}: "

@@ -161,6 +161,10 @@ class Body(NamedTuple):
         """
         if not isinstance(matter, MassProperties):
             raise TypeError(f"matter: must be MassProperties, is {format_value(matter)}")
+        if unknown := placement.keys() - Placement.__annotations__:
+            places = "position, orientation, velocity and angular_velocity"
+            reason = "for inertia or com of your own, use Body.dynamic()"
+            raise TypeError(f"{min(unknown)}: a shape takes {places}; {reason}")
         return cls.dynamic(matter.mass, matter.inertia, com=matter.com, **placement)
 
     @classmethod
@@ -284,7 +288,10 @@ class Body(NamedTuple):
         """
         if not isinstance(twist, Twist):
             raise TypeError(f"twist: must be a Twist, is {format_value(twist)}")
-        return self._replace(velocity=twist.linear, angular_velocity=twist.angular)
+        return self._replace(
+            velocity=as_vector("twist.linear", twist.linear),
+            angular_velocity=as_vector("twist.angular", twist.angular),
+        )
 
     def is_movable(self) -> Condition:
         """Whether impulses move the body."""

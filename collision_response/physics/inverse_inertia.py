@@ -98,6 +98,11 @@ class InverseInertia(NamedTuple):
 
         return cls(*(mean(*place) for place in _PLACES))
 
+    def matrix(self) -> list[Scalar]:
+        """The 36 numbers of the matrix, row by row."""
+        entries = dict(zip(_PLACES, self, strict=True))
+        return [entries[min(i, j), max(i, j)] for i in range(6) for j in range(6)]
+
     def blocks(self) -> tuple[Symmetric3, tuple[Vec3, Vec3, Vec3], Symmetric3]:
         """The blocks ``L`` and ``W``, with the rows of ``C`` between them."""
         xx, xy, xz, xa, xb, xc, yy, yz, ya, yb, yc, zz, za, zb, zc, *angular = self

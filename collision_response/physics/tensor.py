@@ -43,8 +43,9 @@ class Symmetric3(NamedTuple):
         if len(values) == 6:
             return cls(*values)
         if len(values) != 3 or [len(row) if hasattr(row, "__len__") else 0 for row in values] != [3, 3, 3]:
+            hint = "; principal moments a, b, c are (a, 0, 0, b, 0, c)" if len(values) == 3 else ""
             raise ValueError(
-                f"must be (xx, xy, xz, yy, yz, zz) or three rows of three, is {format_value(values)}"
+                f"must be (xx, xy, xz, yy, yz, zz) or three rows of three, is {format_value(values)}{hint}"
             )
         rows = [[of_python(x) for x in row] for row in values]
         largest = max(abs(x) for row in rows for x in row)

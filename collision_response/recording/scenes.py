@@ -39,10 +39,11 @@ def scene_columns(rows: Sequence[SceneRecord]) -> Any:
     return columns_of([_answer_of(row.impact) | _request_of(row) for row in rows], COLUMNS)
 
 
-def read(paths: Iterable[Path | str]) -> pa.Table:
-    """Read all scenes of some recordings, in the order of their answers.
+def read(paths: Path | str | Iterable[Path | str]) -> pa.Table:
+    """Read all scenes of a recording, or of several, in the order of their answers.
 
     Raises:
+        TypeError: if ``paths`` are no paths.
         OSError, RuntimeError: if a file cannot be read.
         ValueError: if a file is not a recording of this node, or is not complete.
     """

@@ -16,6 +16,7 @@ import numpy as np
 
 from .. import Body, Contact, Geometry, ImpactError, ImpactModel, Law, Precision, resolve
 from ..answer import NUMBERS, format_name
+from ..arguments import as_list
 from ..body_numbers import ROWS, body_from_numbers, body_to_numbers
 from ..in_python.coefficients_at_speed import approach_speed, restitutions_at_speeds
 from ..model import ENUMERATIONS
@@ -150,22 +151,26 @@ def _array(values: list[Any], kind: str | int) -> pa.Array:
 
 
 def read(
-    paths: Iterable[Path | str], table: str = TABLE, columns: Columns = ANSWER, optional: Columns = OPTIONAL
+    paths: Path | str | Iterable[Path | str],
+    table: str = TABLE,
+    columns: Columns = ANSWER,
+    optional: Columns = OPTIONAL,
 ) -> pa.Table:
     """Read all impacts and refusals of some recordings, in the order of their answers.
 
     Args:
-        paths: paths of the files.
+        paths: the file, or several.
         table: entity of another table to read instead.
         columns: the columns that every answer has in that table, and their kinds.
         optional: the columns that rows may have. Rows with a ``message`` are refusals.
 
     Raises:
         OSError, RuntimeError: if a file cannot be read.
+        TypeError: if ``paths`` are no paths.
         ValueError: if a file is not a recording of this node, or is not complete. The message names the file.
     """
     tables = []
-    for path in paths:
+    for path in [paths] if isinstance(paths, (str, Path)) else as_list("paths", paths):
         recording = open_complete(path)
         chunks = chunks_of(recording, table)
         if not chunks and not chunks_of(recording, ALWAYS_PRESENT):

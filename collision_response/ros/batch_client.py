@@ -77,7 +77,10 @@ def unpack(response: Response) -> BatchResult:
 
     Raises:
         ImpactError: if the whole request was refused.
+        TypeError: if it is not such a response.
     """
+    if not isinstance(response, Response):
+        raise TypeError(f"response: must be of ResolveCollisionBatch, is {type(response).__name__}")
     if not response.success:
         raise error_from(response.code, response.message)
     rows, n = body_rows(Geometry(response.model.geometry)), len(response.status)

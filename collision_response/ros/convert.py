@@ -23,8 +23,8 @@ from geometry_msgs.msg import Vector3
 from std_msgs.msg import Header
 
 from ..answer import NUMBERS, Impact
-from ..arguments import check_number
-from ..body_numbers import IDENTITY_QUATERNION, body_to_numbers
+from ..arguments import check_number, real_number
+from ..body_numbers import BODY_NUMBERS, IDENTITY_QUATERNION, body_to_numbers
 from ..materials import NO_MATERIALS, RANGES, Pair, combined_coefficient
 from ..model import ENUMERATIONS, Adjustment, ImpactModel, Precision
 from ..msg import BodyState, CollisionResult, SceneResult
@@ -37,7 +37,7 @@ from ..physics.contact import Contact
 from ..physics.laws import BY_SPEED, Law
 from ..physics.orientation import Quaternion
 from ..physics.tensor import Symmetric3
-from ..physics.vector import Vec3
+from ..physics.vector import Vec3, as_vector
 from ..resolve import resolve
 from ..scene import SceneImpact
 from ..srv import ResolveCollision
@@ -321,8 +321,9 @@ def error_from(code: int, text: str) -> ImpactError:
     Raises:
         ValueError: if this version does not know the code.
     """
-    field, _, reason = text.partition(": ")
-    return ImpactError(StatusCode(code), field, reason)
+    status = StatusCode(code)
+    field, separator, reason = text.partition(": ")
+    return ImpactError(status, *((field, reason) if separator else ("response", text or f"has {status}")))
 
 
 def echo_contact(result: CollisionResult, request: ResolveCollision.Request) -> None:
@@ -348,14 +349,52 @@ def twist_of(message: TwistMessage) -> Twist:
     return Twist(vector_of(message.linear), vector_of(message.angular))
 
 
-def state_message(name: str, body: Body, header: Header) -> BodyState:
-    """Make a message of a rigid body. An immovable one is KINEMATIC if it moves, else STATIC."""
+def state_message(name: str, body: Body, header: Header, field: str = "body") -> BodyState:
+    """Make a message of a body. An immovable one is KINEMATIC if it moves, else STATIC.
+
+    Raises:
+        TypeError: if something is not a real number. The error names it as a part of ``field``.
+    """
+    mass, *rest = numbers_of(field, body)
     state = BodyState(name=name, header=header)
-    if not body.is_movable():
-        body = body._replace(mass=0.0)
+    if body.inverse_inertia is not None:
+        numbers = body.inverse_inertia.matrix()
+        state.inverse_inertia = [float(real_number(f"{field}.inverse_inertia", x)) for x in numbers]
+    elif mass == math.inf:
         moves = any((*body.velocity, *body.angular_velocity))
         state.motion_type = BodyState.KINEMATIC if moves else BodyState.STATIC
-    return state_from(map(float, body_to_numbers(body)), state)
+    return state_from([0.0 if mass == math.inf else mass, *rest], state)
+
+
+def numbers_of(field: str, body: Body) -> list[float]:
+    """Return the numbers of a body as ``body_to_numbers`` does, as floats.
+
+    Raises:
+        TypeError: if something is not a real number. The field begins with ``field``.
+    """
+    try:
+        numbers = body_to_numbers(body)
+    except TypeError:
+        raise TypeError(f"{field}: has something that is no vector: build it with Body.dynamic()") from None
+    return [float(real_number(f"{field}.{name}", x)) for name, x in zip(BODY_NUMBERS, numbers, strict=True)]
+
+
+def numbers_in_vector(field: str, vector: Vec3) -> list[float]:
+    """Return the numbers of a vector as floats. Raises: TypeError: if it is no vector of real numbers."""
+    return [float(real_number(field, x)) for x in as_vector(field, vector)]
+
+
+def check_coefficients(field: str, contact: Contact) -> None:
+    """Check that the coefficients of a contact are numbers, as requests need them.
+
+    Raises:
+        TypeError: if one is not a real number.
+        ValueError: if one is a function.
+    """
+    for name in ("restitution", "friction"):
+        if callable(value := getattr(contact, name)):
+            raise ValueError(f"{field}.{name}: must be a number: requests hold no functions")
+        real_number(f"{field}.{name}", value)
 
 
 def state_from(numbers: Iterable[float], state: BodyState) -> BodyState:
@@ -381,8 +420,8 @@ def contact_message(contact: Contact, header: Header) -> ContactMessage:
     """Make a message of a contact, without the names of the bodies."""
     message = ContactMessage(header=header)
     message.restitution, message.friction = float(contact.restitution), float(contact.friction)
-    write_vector(message.position, map(float, contact.position))
-    write_vector(message.normal, map(float, contact.normal))
+    write_vector(message.position, numbers_in_vector("contact.position", contact.position))
+    write_vector(message.normal, numbers_in_vector("contact.normal", contact.normal))
     return message
 
 

@@ -17,14 +17,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..body_numbers import body_to_numbers
+from ..arguments import as_list, check_mapping, is_real
 from ..model import DEFAULT, ImpactModel, check_model
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..scene.request import check_parts
 from ..srv import ResolveScene
 from ..status import format_value
-from .convert import NOT_GIVEN, write_model
+from .convert import NOT_GIVEN, check_coefficients, numbers_in_vector, numbers_of, write_model
 from .tables import append, as_indices, as_lines, as_text
 
 
@@ -58,26 +58,30 @@ def pack(
     check_model(model)
     bodies, pairs, contacts = check_parts(bodies, pairs, contacts)
     for i, pair in enumerate(pairs):
-        if not (hasattr(pair, "__len__") and len(pair) == 2):
+        if not (hasattr(pair, "__len__") and len(pair) == 2 and all(map(is_real, pair))):
             raise ValueError(f"pairs[{i}]: must be two indices of bodies, is {format_value(pair)}")
     for i, contact in enumerate(contacts):
         if contact.tangential_restitution is not None:
             raise ValueError(f"contacts[{i}].tangential_restitution: set that of the model")
-        for name in ("restitution", "friction"):
-            if callable(getattr(contact, name)):
-                raise ValueError(f"contacts[{i}].{name}: must be a number: requests hold no functions")
+        check_coefficients(f"contacts[{i}]", contact)
     request = ResolveScene.Request(names=as_lines(names))
     request.header.frame_id = as_text("frame_id", frame_id)
     is_immovable = [body.mass == math.inf for body in bodies]  # a NaN mass is not movable either
     columns = [
-        body_to_numbers(body._replace(mass=0.0) if fixed else body)
-        for body, fixed in zip(bodies, is_immovable, strict=True)
+        numbers_of(f"bodies[{i}]", body._replace(mass=0.0) if fixed else body)
+        for i, (body, fixed) in enumerate(zip(bodies, is_immovable, strict=True))
     ]
     append(request.bodies, np.array(columns, float).T)
     request.immovable = [i for i, fixed in enumerate(is_immovable) if fixed]
     append(request.pairs, as_indices(np.array(pairs)).T)
     rows = [
-        [*contact.position, *contact.normal, contact.restitution, contact.friction] for contact in contacts
+        [
+            *numbers_in_vector(f"contacts[{i}].position", contact.position),
+            *numbers_in_vector(f"contacts[{i}].normal", contact.normal),
+            contact.restitution,
+            contact.friction,
+        ]
+        for i, contact in enumerate(contacts)
     ]
     append(request.contacts, np.array(rows, float).T)
     write_model(request.model, model)
@@ -117,9 +121,14 @@ def pack_named(
         frame_id: the inertial frame of all bodies and contacts.
 
     Raises:
-        ValueError: if a name is not one line of text.
+        TypeError: if something has the wrong type.
+        ValueError: as :func:`pack`.
     """
-    touches = [*touches]
+    touches = as_list("touches", touches)
+    for i, touch in enumerate(touches):
+        if not isinstance(touch, Touch):
+            raise TypeError(f"touches[{i}]: must be a Touch, is {format_value(touch)}")
+    check_mapping("bodies", bodies)
     names = dict.fromkeys(chain(bodies, *((touch.body_a, touch.body_b) for touch in touches)))
     index = {name: i for i, name in enumerate(names)}
     pairs = [(index[touch.body_a], index[touch.body_b]) for touch in touches]

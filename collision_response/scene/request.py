@@ -14,7 +14,7 @@ from ..numbers.operations import Scalar
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.laws import Law
-from ..status import POSITIVE, ImpactError, StatusCode, format_value, raise_renamed
+from ..status import BELOW_ONE, POSITIVE, ImpactError, StatusCode, format_value, raise_renamed
 from .find_clusters import Pair
 
 T = TypeVar("T")
@@ -139,7 +139,7 @@ def check_options(threshold: Any, stiffness: Any, exponent: Any, orders: Any, co
         TypeError: if an option has the wrong type.
         ValueError: if ``stiffness`` does not have one entry for each of the ``contacts``.
     """
-    check_number("threshold", threshold, 0, math.nextafter(1, 0), StatusCode.INVALID_MODEL)
+    check_number("threshold", threshold, 0, BELOW_ONE, StatusCode.INVALID_MODEL)
     check_number("exponent", exponent, 1, 10, StatusCode.INVALID_MODEL)
     check_count("orders", orders, 0, MOST_ORDERS)
     if stiffness is not None:

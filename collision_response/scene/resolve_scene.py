@@ -70,7 +70,7 @@ def resolve_scene(
 
     Args:
         bodies: all bodies of the scene. A body may have no contact.
-        pairs: for each contact, the indices of its body_a and its body_b.
+        pairs: for each contact, the indices of its body_a and its body_b: N pairs.
         contacts: where the bodies touch. Each normal points towards the contact's body_a.
         model: what to model, and how exactly. ``precision`` and ``tangential_restitution`` are for clusters
             of one contact.

@@ -1,0 +1,90 @@
+"""Requests for one impact, made from bodies and a contact of the Python library."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+
+from collisions import random_collision
+from refusals import refused
+from ros_graph import publish_until_received
+
+from collision_response import Body, Contact, ImpactModel, Law, StatusCode, Vec3, resolve
+from collision_response.ros import convert
+from collision_response.ros.impact_client import pack, unpack
+
+BALL = Body.sphere(2.0, 0.1, position=(0, 0, 0.1), velocity=(0.5, 0, -3))
+TOUCH = Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.3)
+LINK = Body.articulated(np.diag([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]) + 0.25, velocity=(0, 0, -1))
+
+
+@pytest.mark.parametrize(
+    ("body_a", "body_b", "contact", "model"),
+    [
+        *((*random_collision(seed), ImpactModel(law)) for seed, law in enumerate((Law.COULOMB, Law.MOREAU))),
+        (BALL, Body.kinematic((0, 0, -1), (1, 0, 0), (0, 2, 0)), TOUCH, ImpactModel(tolerance=1e-9)),
+        (LINK, Body.static(), Contact.of((0.1, 0.2, 0), (0, 0, 1), 0.5, 0.3), ImpactModel()),
+        (BALL, Body.static(), TOUCH._replace(tangential_restitution=0.25), ImpactModel(Law.COULOMB)),
+    ],
+)
+def test_the_service_answers_as_the_library(shared_node, body_a, body_b, contact, model):
+    expected = resolve(body_a, body_b, contact, model)
+    answer = unpack(shared_node.call(pack(body_a, body_b, contact, model)))
+    assert answer == (expected.twist_a, expected.twist_b)
+
+
+def test_a_body_may_be_a_name(shared_node):
+    floor = convert.state_message(
+        "client floor", Body.kinematic(velocity=(0, 0, 1)), pack(BALL, "", TOUCH).body_a.header
+    )
+    publish_until_received(shared_node, floor)
+    expected = resolve(BALL, Body.kinematic(velocity=(0, 0, 1)), TOUCH)
+    assert unpack(shared_node.call(pack(BALL, "client floor", TOUCH))) == (expected.twist_a, expected.twist_b)
+
+
+def test_a_refusal_is_raised(shared_node):
+    response = shared_node.call(pack(BALL._replace(mass=-1.0), Body.static(), TOUCH))
+    with refused(StatusCode.INVALID_MASS, "body_a.inertia.m"):
+        unpack(response)
+
+
+def test_a_response_without_a_reason_is_an_error_that_says_so():
+    error = convert.error_from(StatusCode.SHUTTING_DOWN, "")
+    assert str(error) == "response: has SHUTTING_DOWN"
+    assert str(convert.error_from(StatusCode.SHUTTING_DOWN, "no reason")) == "response: no reason"
+    assert str(convert.error_from(StatusCode.INVALID_MASS, "body_a.mass: is: -1")) == "body_a.mass: is: -1"
+
+
+@pytest.mark.parametrize(
+    ("request_of", "message"),
+    [
+        (lambda: pack(1, "floor", TOUCH), r"^body_a: must be a Body or a name, is 1"),
+        (lambda: pack(BALL, None, TOUCH), r"^body_b: must be a Body or a name, is None"),
+        (lambda: pack(BALL, "floor", BALL), r"^contact: must be a Contact, is "),
+        (lambda: pack(BALL, "floor", TOUCH, frame_id=1), r"^frame_id: must be text, is 1"),
+        (lambda: pack(Body.dynamic(None), "floor", TOUCH), r"^body_a\.mass: must be a real number, is None"),
+        (lambda: pack(BALL, "floor", TOUCH._replace(friction="a")), r"^contact\.friction: must be a real "),
+        (lambda: pack(BALL, "floor", TOUCH._replace(normal=None)), r"^contact\.normal: must be \(x, y, z\)"),
+    ],
+)
+def test_wrong_types_are_refused_by_name(request_of, message):
+    with pytest.raises(TypeError, match=message):
+        request_of()
+
+
+def test_a_function_is_refused():
+    with pytest.raises(
+        ValueError, match=r"^contact\.restitution: must be a number: requests hold no functions"
+    ):
+        pack(BALL, "floor", TOUCH._replace(restitution=lambda speed: 0.5))
+
+
+def test_a_link_of_a_mechanism_keeps_its_inverse_inertia():
+    state = pack(LINK, "floor", TOUCH).body_a
+    assert convert.body_of("body_a", state) == LINK
+    assert state.inertia.m == 0 and not math.isinf(sum(state.inverse_inertia))
+    assert Vec3(*state.inverse_inertia[:3]) == Vec3(1.25, 0.25, 0.25)
