@@ -500,11 +500,7 @@ def test_a_scene_is_recorded(graph, tmp_path):
             TypeError,
             r"^contacts\[0\]\.normal:",
         ),
-        (
-            lambda: pack_named([("a", "b", (0, 0, 0), (0, 0, 1))]),
-            TypeError,
-            r"^touches\[0\]: must be a Touch",
-        ),
+        (lambda: pack_named([("a", "b", (0, 0, 0))]), TypeError, r"^touches\[0\]: must be a Touch"),
         (lambda: pack_named([], [CUBE]), TypeError, r"^bodies: must be a mapping"),
     ],
 )

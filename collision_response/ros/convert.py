@@ -376,6 +376,8 @@ def numbers_of(field: str, body: Body) -> list[float]:
         numbers = body_to_numbers(body)
     except TypeError:
         raise TypeError(f"{field}: has something that is no vector: build it with Body.dynamic()") from None
+    if all(type(x) is float for x in numbers):  # nearly always: names take longer than numbers
+        return numbers
     return [float(real_number(f"{field}.{name}", x)) for name, x in zip(BODY_NUMBERS, numbers, strict=True)]
 
 

@@ -41,7 +41,7 @@ def pack(
     Raises:
         ImpactError: if the model is invalid.
         TypeError: if something has the wrong type.
-        ValueError: if a name or ``frame_id`` is not one line of text, or a coefficient is a function.
+        ValueError: if a coefficient is a function.
     """
     check_model(model)
     if not isinstance(contact, Contact):

@@ -13,7 +13,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -124,13 +124,17 @@ def pack_named(
         TypeError: if something has the wrong type.
         ValueError: as :func:`pack`.
     """
-    touches = as_list("touches", touches)
-    for i, touch in enumerate(touches):
-        if not isinstance(touch, Touch):
-            raise TypeError(f"touches[{i}]: must be a Touch, is {format_value(touch)}")
+    touches = [_touch(f"touches[{i}]", touch) for i, touch in enumerate(as_list("touches", touches))]
     check_mapping("bodies", bodies)
     names = dict.fromkeys(chain(bodies, *((touch.body_a, touch.body_b) for touch in touches)))
     index = {name: i for i, name in enumerate(names)}
     pairs = [(index[touch.body_a], index[touch.body_b]) for touch in touches]
     contacts = [Contact.of(touch.position, touch.normal, restitution, friction) for touch in touches]
     return pack([*bodies.values()], pairs, contacts, model, names=names, frame_id=frame_id)
+
+
+def _touch(field: str, given: Any) -> Touch:
+    try:
+        return Touch(*given)
+    except TypeError:
+        raise TypeError(f"{field}: must be a Touch, is {format_value(given)}") from None
