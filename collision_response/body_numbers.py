@@ -13,16 +13,7 @@ from .physics.orientation import Quaternion
 from .physics.tensor import Symmetric3
 from .physics.vector import Vec3
 
-BODY_NUMBERS = (
-    "mass",
-    *(f"inertia.{name}" for name in Symmetric3._fields),
-    *(f"{vector}.{axis}" for vector in ("com", "position") for axis in "xyz"),
-    *(f"orientation.{axis}" for axis in "xyzw"),
-    *(f"{vector}.{axis}" for vector in ("velocity", "angular_velocity") for axis in "xyz"),
-)
-"""The numbers of a rigid body, in the order of ``BodyStates.msg``, by the names of :class:`Body`."""
-
-ROWS = len(BODY_NUMBERS)
+ROWS = 23
 """How many numbers a rigid body has in ``BodyStates.msg``."""
 
 IDENTITY_QUATERNION = Quaternion(0.0, 0.0, 0.0, 1.0)

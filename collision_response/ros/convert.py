@@ -23,8 +23,9 @@ from geometry_msgs.msg import Vector3
 from std_msgs.msg import Header
 
 from ..answer import NUMBERS, Impact
-from ..arguments import check_number, real_number
-from ..body_numbers import BODY_NUMBERS, IDENTITY_QUATERNION, body_to_numbers
+from ..arguments import check_number
+from ..body_numbers import IDENTITY_QUATERNION, ROWS, body_to_numbers
+from ..in_python.request_numbers import read_request
 from ..materials import NO_MATERIALS, RANGES, Pair, combined_coefficient
 from ..model import ENUMERATIONS, Adjustment, ImpactModel, Precision
 from ..msg import BodyState, CollisionResult, SceneResult
@@ -37,11 +38,11 @@ from ..physics.contact import Contact
 from ..physics.laws import BY_SPEED, Law
 from ..physics.orientation import Quaternion
 from ..physics.tensor import Symmetric3
-from ..physics.vector import Vec3, as_vector
+from ..physics.vector import Vec3
 from ..resolve import resolve
 from ..scene import SceneImpact
 from ..srv import ResolveCollision
-from ..status import ImpactError, StatusCode
+from ..status import ImpactError, StatusCode, raise_renamed
 from .parameters import Parameters
 
 CORE_TO_MESSAGE = {
@@ -353,50 +354,56 @@ def state_message(name: str, body: Body, header: Header, field: str = "body") ->
     """Make a message of a body. An immovable one is KINEMATIC if it moves, else STATIC.
 
     Raises:
-        TypeError: if something is not a real number. The error names it as a part of ``field``.
+        ImpactError, TypeError: as :func:`body_in_floats`.
     """
-    mass, *rest = numbers_of(field, body)
+    body = body_in_floats(field, body)
     state = BodyState(name=name, header=header)
     if body.inverse_inertia is not None:
-        numbers = body.inverse_inertia.matrix()
-        state.inverse_inertia = [float(real_number(f"{field}.inverse_inertia", x)) for x in numbers]
-    elif mass == math.inf:
+        state.inverse_inertia = body.inverse_inertia.matrix()
+    elif body.mass == math.inf:
         moves = any((*body.velocity, *body.angular_velocity))
         state.motion_type = BodyState.KINEMATIC if moves else BodyState.STATIC
-    return state_from([0.0 if mass == math.inf else mass, *rest], state)
+    return state_from(body_to_numbers(body._replace(mass=0.0) if body.mass == math.inf else body), state)
 
 
-def numbers_of(field: str, body: Body) -> list[float]:
-    """Return the numbers of a body as ``body_to_numbers`` does, as floats.
+def body_in_floats(field: str, body: Body) -> Body:
+    """Return a body with the numbers that ``resolve`` reads.
 
     Raises:
-        TypeError: if something is not a real number. The field begins with ``field``.
+        ImpactError, TypeError: as ``resolve``, if something is no number or no vector; ``field`` names the
+            body.
     """
-    try:
+    with suppress(TypeError):
         numbers = body_to_numbers(body)
-    except TypeError:
-        raise TypeError(f"{field}: has something that is no vector: build it with Body.dynamic()") from None
-    if all(type(x) is float for x in numbers):  # nearly always: names take longer than numbers
-        return numbers
-    return [float(real_number(f"{field}.{name}", x)) for name, x in zip(BODY_NUMBERS, numbers, strict=True)]
+        if body.inverse_inertia is None and len(numbers) == ROWS and all(type(x) is float for x in numbers):
+            return body  # nearly always
+    try:
+        return read_request(body, Body.static(), ANY_CONTACT)[0]
+    except (ImpactError, TypeError) as error:
+        raise_renamed(error, {"body_a": field})
 
 
-def numbers_in_vector(field: str, vector: Vec3) -> list[float]:
-    """Return the numbers of a vector as floats. Raises: TypeError: if it is no vector of real numbers."""
-    return [float(real_number(field, x)) for x in as_vector(field, vector)]
-
-
-def check_coefficients(field: str, contact: Contact) -> None:
-    """Check that the coefficients of a contact are numbers, as requests need them.
+def contact_in_floats(field: str, contact: Contact) -> Contact:
+    """Return a contact with the numbers that ``resolve`` reads.
 
     Raises:
-        TypeError: if one is not a real number.
-        ValueError: if one is a function.
+        ImpactError, TypeError: as ``resolve``, if something is no number or no vector; ``field`` names the
+            contact.
+        ValueError: if the request has no place for something: the tangential restitution of a contact, or a
+            coefficient that is a function.
     """
+    if contact.tangential_restitution is not None:
+        raise ValueError(f"{field}.tangential_restitution: set that of the model")
     for name in ("restitution", "friction"):
-        if callable(value := getattr(contact, name)):
+        if callable(getattr(contact, name)):
             raise ValueError(f"{field}.{name}: must be a number: requests hold no functions")
-        real_number(f"{field}.{name}", value)
+    try:
+        return read_request(Body.static(), Body.static(), contact)[2]
+    except (ImpactError, TypeError) as error:
+        raise_renamed(error, {"contact": field})
+
+
+ANY_CONTACT = Contact.of((0.0, 0.0, 0.0), normal=(1.0, 0.0, 0.0))
 
 
 def state_from(numbers: Iterable[float], state: BodyState) -> BodyState:
@@ -419,11 +426,15 @@ def state_from(numbers: Iterable[float], state: BodyState) -> BodyState:
 
 
 def contact_message(contact: Contact, header: Header) -> ContactMessage:
-    """Make a message of a contact, without the names of the bodies."""
-    message = ContactMessage(header=header)
-    message.restitution, message.friction = float(contact.restitution), float(contact.friction)
-    write_vector(message.position, numbers_in_vector("contact.position", contact.position))
-    write_vector(message.normal, numbers_in_vector("contact.normal", contact.normal))
+    """Make a message of a contact, without the names of the bodies.
+
+    Raises:
+        ImpactError, TypeError, ValueError: as :func:`contact_in_floats`.
+    """
+    contact, message = contact_in_floats("contact", contact), ContactMessage(header=header)
+    message.restitution, message.friction = contact.restitution, contact.friction
+    write_vector(message.position, contact.position)
+    write_vector(message.normal, contact.normal)
     return message
 
 

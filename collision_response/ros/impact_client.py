@@ -18,7 +18,7 @@ from ..physics.body import Body, Twist
 from ..physics.contact import Contact
 from ..srv import ResolveCollision
 from ..status import format_value
-from .convert import check_coefficients, contact_message, error_from, state_message, twist_of, write_model
+from .convert import contact_message, error_from, state_message, twist_of, write_model
 from .tables import as_text
 
 
@@ -39,20 +39,18 @@ def pack(
         frame_id: the inertial frame of the contact and of the bodies.
 
     Raises:
-        ImpactError: if the model is invalid.
+        ImpactError: if the model is invalid, or a number is beyond float64.
         TypeError: if something has the wrong type.
-        ValueError: if a coefficient is a function.
+        ValueError: if a name or ``frame_id`` is not one line of text, or the request has no place for
+            something: the tangential restitution of the contact, or a coefficient that is a function.
     """
     check_model(model)
     if not isinstance(contact, Contact):
         raise TypeError(f"contact: must be a Contact, is {format_value(contact)}")
-    check_coefficients("contact", contact)
     header = Header(frame_id=as_text("frame_id", frame_id))
     request = ResolveCollision.Request(contact=contact_message(contact, header))
     request.body_a = _state("body_a", body_a, header)
     request.body_b = _state("body_b", body_b, header)
-    if contact.tangential_restitution is not None:
-        model = model._replace(tangential_restitution=contact.tangential_restitution)
     write_model(request.model, model)
     return request
 
@@ -62,6 +60,7 @@ def unpack(response: ResolveCollision.Response) -> tuple[Twist, Twist]:
 
     Raises:
         ImpactError: if the request was refused.
+        ValueError: if this version does not know the status code.
     """
     result = response.result
     if not response.success:

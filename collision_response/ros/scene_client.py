@@ -18,13 +18,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..arguments import as_list, check_mapping, is_real
+from ..body_numbers import body_to_numbers
 from ..model import DEFAULT, ImpactModel, check_model
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..scene.request import check_parts
 from ..srv import ResolveScene
 from ..status import format_value
-from .convert import NOT_GIVEN, check_coefficients, numbers_in_vector, numbers_of, write_model
+from .convert import NOT_GIVEN, body_in_floats, contact_in_floats, write_model
 from .tables import append, as_indices, as_lines, as_text
 
 
@@ -60,28 +61,20 @@ def pack(
     for i, pair in enumerate(pairs):
         if not (hasattr(pair, "__len__") and len(pair) == 2 and all(map(is_real, pair))):
             raise ValueError(f"pairs[{i}]: must be two indices of bodies, is {format_value(pair)}")
-    for i, contact in enumerate(contacts):
-        if contact.tangential_restitution is not None:
-            raise ValueError(f"contacts[{i}].tangential_restitution: set that of the model")
-        check_coefficients(f"contacts[{i}]", contact)
+    contacts = [contact_in_floats(f"contacts[{i}]", contact) for i, contact in enumerate(contacts)]
+    bodies = [body_in_floats(f"bodies[{i}]", body) for i, body in enumerate(bodies)]
     request = ResolveScene.Request(names=as_lines(names))
     request.header.frame_id = as_text("frame_id", frame_id)
     is_immovable = [body.mass == math.inf for body in bodies]  # a NaN mass is not movable either
     columns = [
-        numbers_of(f"bodies[{i}]", body._replace(mass=0.0) if fixed else body)
-        for i, (body, fixed) in enumerate(zip(bodies, is_immovable, strict=True))
+        body_to_numbers(body._replace(mass=0.0) if fixed else body)
+        for body, fixed in zip(bodies, is_immovable, strict=True)
     ]
     append(request.bodies, np.array(columns, float).T)
     request.immovable = [i for i, fixed in enumerate(is_immovable) if fixed]
     append(request.pairs, as_indices(np.array(pairs)).T)
     rows = [
-        [
-            *numbers_in_vector(f"contacts[{i}].position", contact.position),
-            *numbers_in_vector(f"contacts[{i}].normal", contact.normal),
-            contact.restitution,
-            contact.friction,
-        ]
-        for i, contact in enumerate(contacts)
+        [*contact.position, *contact.normal, contact.restitution, contact.friction] for contact in contacts
     ]
     append(request.contacts, np.array(rows, float).T)
     write_model(request.model, model)

@@ -68,18 +68,25 @@ def as_lines(names: Iterable[str]) -> str:
         TypeError: if they are not a sequence of texts.
         ValueError: if a name has several lines, or a NUL character, at which ROS would cut it off.
     """
-    names = as_list("names", names)
-    for i, name in enumerate(names):
-        as_text(f"names[{i}]", name)
-        if "\n" in name or "\0" in name:
-            raise ValueError(f"names[{i}]: must be one line without a NUL character, is {name!r}")
-    return "\n".join(names)
+    return "\n".join(as_text(f"names[{i}]", name) for i, name in enumerate(as_list("names", names)))
 
 
 def as_text(field: str, text: str) -> str:
-    """Return a text. Raises: TypeError: if it is none."""
+    """Return a line of text.
+
+    Raises:
+        TypeError: if it is no text.
+        ValueError: if it has several lines, a NUL character, at which ROS would cut it off, or half a
+            character.
+    """
     if not isinstance(text, str):
         raise TypeError(f"{field}: must be text, is {format_value(text)}")
+    if "\n" in text or "\0" in text:
+        raise ValueError(f"{field}: must be one line without a NUL character, is {text!r}")
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise ValueError(f"{field}: must be text in UTF-8, is {text!r}") from None
     return text
 
 
