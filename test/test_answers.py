@@ -377,14 +377,6 @@ def test_enumerations_print_as_names_and_format_as_numbers():
     )
 
 
-@pytest.mark.parametrize("factor", [np.float64(2.0), np.float32(2.0), np.int64(2)])
-def test_a_vector_is_scaled_by_numbers_of_numpy_from_either_side(factor):
-    v = Vec3(1.0, 2.0, 3.0)
-    assert type(factor * v) is type(v * factor) is Vec3
-    assert factor * v == v * factor == Vec3(2.0, 4.0, 6.0)
-    assert type(np.array([1.0, 2.0, 3.0]) - v) is Vec3
-
-
 def test_a_vector_is_not_multiplied_by_a_list():
     with pytest.raises(TypeError, match="dot"):
         Vec3(1.0, 2.0, 3.0) * [1.0, 2.0, 3.0]

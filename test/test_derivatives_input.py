@@ -111,5 +111,7 @@ def test_what_is_not_among_the_derivatives_is_refused_with_what_is():
 
 
 def test_unit_directions_take_names_one_by_one():
-    with pytest.raises(TypeError, match=r"given one by one, as in unit_directions\('body_a.mass'"):
+    with pytest.raises(
+        TypeError, match=r"must be names one by one, as unit_directions\(\*\['body_a.mass'\]\)"
+    ):
         unit_directions(["body_a.mass"])

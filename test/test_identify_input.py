@@ -279,9 +279,7 @@ def test_a_law_of_another_type_is_refused_by_name(law):
         identify(measured, law)
 
 
-@pytest.mark.parametrize("incidence", [90.0, -90.0, 95.0])
+@pytest.mark.parametrize("incidence", [91.0, -95.0])
 def test_an_incidence_from_behind_the_target_is_refused(incidence):
-    with refused(
-        StatusCode.INVALID_TABLE, "tables['ratio'][1]", "the incidence must be between -90 and 90 degrees"
-    ):
+    with refused(StatusCode.INVALID_TABLE, "tables['ratio'][1]", "the incidence must be in "):
         SphereReadings(1.0, 0.1, {"ratio": [(10.0, 0.5), (incidence, 0.5)]}, {"ratio": 0.01})

@@ -213,9 +213,10 @@ def unit_directions(*with_respect_to: str) -> Array:
         ImpactError: INVALID_MODEL if a name is not in :data:`PARAMETERS` or there twice.
         TypeError: if something is no name.
     """
-    if len(with_respect_to) == 1 and not isinstance(with_respect_to[0], str):
-        reason = f"are given one by one, as in {unit_directions.__name__}('body_a.mass', 'contact.friction')"
-        raise TypeError(f"with_respect_to: names {reason}; is {format_value(with_respect_to[0])}")
+    if len(with_respect_to) == 1 and isinstance(with_respect_to[0], (list, tuple)):
+        (names,) = with_respect_to
+        if names and all(isinstance(name, str) for name in names):
+            raise TypeError(f"with_respect_to: must be names one by one, as unit_directions(*{names!r})")
     return _directions_and_columns(with_respect_to)[0].copy()
 
 

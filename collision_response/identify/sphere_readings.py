@@ -141,8 +141,8 @@ def _read_readings(name: str, rows: Iterable[Any]) -> Iterator[tuple[float, floa
         except (TypeError, ValueError):
             raise TypeError(f"{field}: must be an angle and a reading, is {format_value(row)}") from None
         numbers = finite_number(field, incidence), finite_number(field, reading)
-        if not abs(numbers[0]) < 90:
-            reason = f"the incidence must be between -90 and 90 degrees, is {numbers[0]:g}"
+        if abs(numbers[0]) > 90:
+            reason = f"the incidence must be in [-90, 90] degrees, is {numbers[0]:g}"
             raise ImpactError(StatusCode.INVALID_TABLE, field, reason)
         if name == "ratio" and numbers[0] == 0:
             reason = "at incidence 0 there is no tangential velocity before"

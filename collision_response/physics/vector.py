@@ -39,11 +39,6 @@ class Vec3(NamedTuple):
     def __rsub__(self, other: Iterable[Scalar]) -> Vec3:
         return -self + other
 
-    @property
-    def __array_priority__(self) -> float:
-        """By this, NumPy's numbers and arrays leave their sums and products with a vector to its methods."""
-        return 1.0
-
     def __neg__(self) -> Vec3:
         return Vec3(-self[0], -self[1], -self[2])
 
