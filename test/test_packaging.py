@@ -20,6 +20,7 @@ import collision_response
 
 ROOT = Path(__file__).resolve().parent.parent
 RELEASES = ROOT / "tools" / "ros"
+DEADLINE = 20.0  # seconds
 PIN = re.compile(r"(ros-[\w-]+)(\[\w+\])?==(\d+\.\d+)\.\*")
 
 
@@ -120,7 +121,7 @@ def test_environments_of_one_python_share_the_kernels(tmp_path, monkeypatch, spo
     assert not module.exists()
 
 
-def test_a_build_of_the_kernels_waits_for_another_one(tmp_path, monkeypatch, capsys):
+def test_a_build_of_the_kernels_waits_for_another_one(tmp_path, monkeypatch):
     """Such as compilers that go on after a build was killed: both together would spoil ninja's records."""
     monkeypatch.syspath_prepend(str(ROOT / "tools"))
     import setup_venv
@@ -140,15 +141,22 @@ def test_a_build_of_the_kernels_waits_for_another_one(tmp_path, monkeypatch, cap
     ninja.chmod(0o755)
     for gate in gates:
         os.mkfifo(gate)
+    waits = threading.Event()
+
+    def told(text, **_):
+        assert "waiting for another build of the kernels" in text
+        waits.set()
+
+    monkeypatch.setattr(setup_venv, "print", told, raising=False)
     builds = [kernels.start()]
     second = threading.Thread(target=lambda: builds.append(kernels.start()))
     second.start()
+    assert waits.wait(DEADLINE)
     for gate in gates:
         gate.write_text("go on\n")
     second.join()
     assert [build.wait() for build in builds] == [0, 0]
     assert log.read_text().split() == ["begin", "end"] * 2
-    assert "waiting for another build of the kernels" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("file", ["config/fast_dds.xml", "config/fast_dds_2.xml", "security/policy.xml"])
