@@ -71,7 +71,7 @@ NORMAL_DEVIATION = 1.4826
 """Standard deviation of normal noise, over the median of its absolute values."""
 
 SAME_SCALE = 0.8
-"""A scale that falls by less than to this part has hardly changed."""
+"""A scale that is more than this part of the one before has hardly changed."""
 
 SEARCHES = 4
 """Number of searches, from points with small sums of squares."""

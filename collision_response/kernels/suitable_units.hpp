@@ -13,19 +13,19 @@ static double kinetic_energy(const double* body, const double* twist) {
   return std::ldexp(Centre<double>(moving).energy, 2 * power);
 }
 
-// In units that suit fast bodies, the motion of far slower ones may be lost. Set the velocities that nothing changes; and
-// the energies, if they have few digits left in these units.
-static void restore_slow_bodies(const double* input, bool articulated, bool few_digits, ImpactResult& result) {
+// In units that suit fast bodies, the motion of far slower ones may be lost. Set the velocities that nothing changes, and
+// `energies` if asked for.
+static void restore_slow_bodies(const double* input, bool energies, ImpactResult& result) {
   double before = 0, after = 0;
   for (int side = 0; side < 2; ++side) {
     const double *body = input + side * BODY, *twist = body + BODY_VELOCITY_X;
     for (int k = 0; k < 6; ++k)
       if (result.twist_change(side)[k] == 0) result.reported[6 * side + k] = twist[k];
-    if (articulated || !few_digits) continue;
+    if (!energies) continue;
     before += kinetic_energy(body, twist);
     after += kinetic_energy(body, result.twist_after(side));
   }
-  if (articulated || !few_digits || !(before < INFINITY && after < INFINITY)) return;
+  if (!energies || !(before < INFINITY && after < INFINITY)) return;
   result.reported[OUT_KINETIC_ENERGY_BEFORE] = before;
   result.reported[OUT_KINETIC_ENERGY_AFTER] = after;
 }
@@ -41,12 +41,13 @@ static void impact_in_other_units(ImpactKernel kernel, bool articulated, bool si
     if (input[i] - input[i] == 0) Units::scale(scaled[i], scaled_error[i], units.power_of(input_units[i]));
   }
   kernel(scaled, scaled_error, &result);
+  // The least normal float or double, times more than its digits: below this, a term may have lost some.
   const double least = single ? 0x1p-100 : 0x1p-960;
-  const bool few_digits =
-      std::fmin(result.reported[OUT_KINETIC_ENERGY_BEFORE], result.reported[OUT_KINETIC_ENERGY_AFTER]) < least;
+  const double *reported = result.reported, before = reported[OUT_KINETIC_ENERGY_BEFORE];
+  const bool lacks_digits = !articulated && std::fmin(before, reported[OUT_KINETIC_ENERGY_AFTER]) < least;
   for (int i = 0; i < CHANGES; ++i) Units::scale(result.change[i], result.error[i], -units.power_of(change_units[i]));
   for (int i = 0; i < REPORTED; ++i) Units::scale(result.reported[i], no_error, -units.power_of(reported_units[i]));
-  restore_slow_bodies(input, articulated, few_digits, result);
+  restore_slow_bodies(input, lacks_digits, result);
 }
 
 // Whether an intermediate square or product may have left the range of floats. Of the square of the normal, the numbers

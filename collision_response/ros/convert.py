@@ -378,7 +378,7 @@ def body_in_floats(field: str, body: Body) -> Body:
         if body.inverse_inertia is None and len(numbers) == ROWS and all(type(x) is float for x in numbers):
             return body  # nearly always
     try:
-        return read_request(body, Body.static(), ANY_CONTACT)[0]
+        return read_request(body, *VALID_REST[:2])[0]
     except (ImpactError, TypeError) as error:
         raise_renamed(error, {"body_a": field})
 
@@ -401,9 +401,6 @@ def contact_in_floats(field: str, contact: Contact) -> Contact:
         return read_request(Body.static(), Body.static(), contact)[2]
     except (ImpactError, TypeError) as error:
         raise_renamed(error, {"contact": field})
-
-
-ANY_CONTACT = Contact.of((0.0, 0.0, 0.0), normal=(1.0, 0.0, 0.0))
 
 
 def state_from(numbers: Iterable[float], state: BodyState) -> BodyState:

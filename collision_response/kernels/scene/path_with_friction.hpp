@@ -18,7 +18,7 @@ struct PathWithFriction : ContactSprings {
 
   // Whether the path ended within its budget and was not wedged.
   bool follow() {
-    h = 1e-3;  // its error corrects it
+    h = 1e-3;  // of the first step: its error corrects it
     for (int i = 0; i < count; ++i) now.u[i] = now.motion.velocity(i, 0);
     while (!all_are_over()) {
       if (!step(now, h, whole) || !step(now, h / 2, half) || !step(half, h / 2, both)) return false;

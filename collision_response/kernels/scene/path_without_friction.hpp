@@ -12,7 +12,7 @@ struct PathWithoutFriction : ContactSprings {
 
   // Whether the path ended within its budget.
   bool follow() {
-    h = 1e-4;  // its error corrects it
+    h = 1e-4;  // of the first step: its error corrects it
     active = assembly.all_contacts();
     begin_step();
     while (is_within_budget(ORDER) && !active.empty()) {
