@@ -852,6 +852,27 @@ def test_a_scene_that_is_answered_differently_is_reported(recording, capsys):
     assert main(["replay", "--tolerance", "2", str(path)]) == 1  # the tolerance does not apply to words
 
 
+def test_of_many_values_only_the_one_that_differs_most_is_printed(recording, capsys):
+    """Of texts the first. Most is what is a number on one side only."""
+    balls = [Body.sphere(1.0, 0.5, position=(2.0 * i, 0, 0), velocity=(0, 0, -1)) for i in range(30)]
+    touching = [Contact.of((2.0 * i, 0, -0.5), (0, 0, 1), 0.5) for i in range(30)]
+    request = [*balls, Body.static()], [(i, 30) for i in range(30)], touching, ImpactModel()
+    names, answer = [f"ball {i}" for i in range(31)], resolve_scene(*request)
+    regimes = [Regime.JAMMED if i in (3, 17) else regime for i, regime in enumerate(answer.regimes)]
+    speeds = list(answer.normal_velocities_after)
+    speeds[4:6] = 0.25, 0.5 + 1e-6
+    for count, (worst, speed) in enumerate([(20, -3.0), (21, math.nan)], start=3):
+        speeds[worst] = speed
+        wrong = answer._replace(normal_velocities_after=tuple(speeds), regimes=tuple(regimes))
+        path = recording([SceneRecord(1, 1, names, *request, wrong)], f"{worst}.rrd")
+        assert main(["replay", str(path)]) == 1
+        of = f"answer 1, scene of {', '.join(names[:8])} and 23 others: "
+        assert sorted(capsys.readouterr().out.splitlines()[:-1]) == [
+            f"{of}normal_velocities_after[{worst}] was {speed}, is 0.5; {count} of 30 values differ",
+            f"{of}regimes[3] was JAMMED, is SLIDING; 2 of 30 values differ",
+        ]
+
+
 def test_one_path_is_one_file(tmp_path):
     path = recorded(tmp_path, [impact(1)])
     assert read(str(path)).num_rows == read(path).num_rows == read([path]).num_rows == 1

@@ -15,6 +15,12 @@ DESCRIPTION = """Computes all impacts and scenes of recordings again, in this pr
 answer that differs. So a recording made with one version is a regression test for the next. The exit code is
 1 if there is a difference. Refusals are not computed again."""
 
+LONG = 24
+"""Of a list with more values than this, only the one that differs most is printed."""
+
+MOST_NAMES = 8
+"""Of a scene with more bodies than this, only the names of so many are printed."""
+
 
 def main(arguments: list[str]) -> int:
     """Compute the answers again and print what differs."""
@@ -37,7 +43,7 @@ def main(arguments: list[str]) -> int:
     answers = chain(
         ((row, table.differences, f"{row['body_a']} on {row['body_b']}") for row in table.rows_of(impacts)),
         (
-            (row, scenes.differences, f"scene of {', '.join(row['bodies'])}")
+            (row, scenes.differences, f"scene of {_listed(row['bodies'])}")
             for row in table.rows_of(scene_table)
         ),
     )
@@ -49,10 +55,30 @@ def main(arguments: list[str]) -> int:
             return 2
         differing += bool(reported)
         for column, before, now in reported:
-            print(f"answer {row['answer']}, {format_name(name)}: {column} was {before}, is {now}")
+            print(f"answer {row['answer']}, {format_name(name)}: {_difference(column, before, now)}")
     computed = f"{len(impacts)} impacts" + (f" and {len(scene_table)} scenes" if scene_table else "")
     print(f"{computed} computed again, {differing} of them with different answers")
     return 1 if differing else 0
+
+
+def _listed(names: list[str]) -> str:
+    """The names of the bodies of a scene, or the first ones of many."""
+    others = len(names) - MOST_NAMES
+    return ", ".join(names) if others <= 0 else f"{', '.join(names[:MOST_NAMES])} and {others} others"
+
+
+def _difference(column: str, before: Any, now: Any) -> str:
+    """Say how a column differs: of a long list, only the value that differs most; of texts, the first."""
+    if not isinstance(before, list) or len(before) != len(now) or len(before) <= LONG:
+        return f"{column} was {before}, is {now}"
+    differing = [
+        (math.inf if isinstance(old, str) or math.isnan(new - old) else abs(new - old), i)
+        for i, (old, new) in enumerate(zip(before, now, strict=True))
+        if not (old == new or (old != old and new != new))  # NaN differs from itself
+    ]
+    _, worst = max(differing, key=lambda one: one[0])
+    values = f"{column}[{worst}] was {before[worst]}, is {now[worst]}"
+    return f"{values}; {len(differing)} of {len(before)} values differ"
 
 
 def _tolerance(text: str) -> float:
