@@ -71,14 +71,14 @@ def _difference(column: str, before: Any, now: Any) -> str:
     """Say how a column differs: of a long list, only the value that differs most; of texts, the first."""
     if not isinstance(before, list) or len(before) != len(now) or len(before) <= LONG:
         return f"{column} was {before}, is {now}"
-    differing = [
-        (math.inf if isinstance(old, str) or math.isnan(new - old) else abs(new - old), i)
+    changes = {
+        i: math.inf if isinstance(old, str) or math.isnan(new - old) else abs(new - old)
         for i, (old, new) in enumerate(zip(before, now, strict=True))
         if not (old == new or (old != old and new != new))  # NaN differs from itself
-    ]
-    _, worst = max(differing, key=lambda one: one[0])
+    }
+    worst = max(changes, key=changes.__getitem__)
     values = f"{column}[{worst}] was {before[worst]}, is {now[worst]}"
-    return f"{values}; {len(differing)} of {len(before)} values differ"
+    return f"{values}; {len(changes)} of {len(before)} values differ"
 
 
 def _tolerance(text: str) -> float:
