@@ -257,6 +257,32 @@ def test_compliant_to_many_digits():
         )
 
 
+@pytest.mark.parametrize("sideways", [0.0, 1e-12, 1e-9, 1e-3])
+@pytest.mark.parametrize(
+    ("moment", "tolerance"), [(1e-3, 1e-6), (1e-4, 1e-6), (1e-4, 0), (1e-5, 0), (1e-7, 0)]
+)
+def test_compliant_leaves_its_plane_as_differences_say(moment, tolerance, sideways):
+    """The contact moves up to 5e5 times as easily across the plane as along the normal, and swings as fast.
+
+    Differences over 1e-3 m/s are off by about 1e-6 of themselves.
+    """
+    contact, model = (
+        Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.5),
+        ImpactModel(Law.COMPLIANT, tolerance=tolerance),
+    )
+    rod = Body.dynamic(1.0, (1 / 12, 0, 0, 1 / 12, 0, moment), position=(0.35, 0, 0.1))
+
+    def at(y, model):
+        return rod._replace(velocity=Vec3(0.0, y, -1.0)), Body.static(), contact, model
+
+    found = differentiate(*at(sideways, model), ["body_a.velocity"])
+    h, exact = 1e-3, model._replace(tolerance=0)
+    ends = [resolve(*at(sideways + by, exact)) for by in (h, -h)]
+    expected = (ends[0].twist_a.angular.z - ends[1].twist_a.angular.z) / (2 * h)
+    assert found.of("twist_a.angular", "body_a.velocity")[2, 1] == pytest.approx(expected, rel=1e-4)
+    assert found.smoothness[1] == Smoothness.SMOOTH
+
+
 def test_compliant_is_smooth_where_initial_stick_turns_into_slip():
     """It begins with stick if kappa |u_t| <= mu |u_n|. Near that, derivatives change with the root of the
     distance.

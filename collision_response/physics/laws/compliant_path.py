@@ -353,10 +353,7 @@ def _try_step(motion: Motion, y: State) -> Trial:
     one, start = 1 + 0 * y.F, y[:6]
     follows = motion.follows
     h = choose(follows, lambda: fixed(_longest_following(motion, y)), lambda: y.h)
-    is_stiff = motion.slips & negation(follows)
-    h = for_derivatives(
-        h, lambda: fixed(choose(is_stiff, lambda: minimum(h, _longest(motion, y)), lambda: h))
-    )
+    h = for_derivatives(h, lambda: fixed(choose(follows, lambda: h, lambda: minimum(h, _longest(motion, y)))))
     slopes: list[tuple[Scalar, ...]] = []
 
     def total(row: Row, i: int) -> Scalar:
@@ -462,9 +459,11 @@ def _inverse_length(u1: Scalar, u2: Scalar) -> Scalar:
 
 
 def _longest(motion: Motion, y: State) -> Scalar:
-    """The longest step of slip, for derivatives: the direction of slip is stiff where ``F_n`` is small.
+    """The longest step for derivatives.
 
-    A step that suits planar slip may be too long for the derivatives of how slip leaves its plane.
+    A step that suits planar motion may be too long for the derivatives of how the motion leaves its plane. It
+    swings across the plane at a rate whose square is at most ``kappa (A11 + A22)``; and the direction of slip
+    is stiff where ``F_n`` is small.
     """
     springs = motion.springs
     u1, u2, u_n = springs.velocity(y.P1, y.P2, y.Pn)
@@ -472,7 +471,8 @@ def _longest(motion: Motion, y: State) -> Scalar:
     force = y.F / (motion.k * abs(u_n))
     turn = springs.mu * y.F / (springs.kappa * s)
     far = minimum(force / 2, minimum(turn / 2 + force / 100, 3 * turn))
-    return choose(y.F > 0, lambda: far, lambda: y.h)
+    swing = 1 / (2 * square_root(springs.kappa * (springs.A11 + springs.A22)))
+    return choose(motion.slips & (y.F > 0), lambda: minimum(far, swing), lambda: swing)
 
 
 def _exponential(x: Scalar) -> Scalar:
