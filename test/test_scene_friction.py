@@ -419,6 +419,28 @@ def test_moreau_is_replaced_where_it_would_create_little_more_energy_than_roundi
     assert replaced == {False, True}
 
 
+@pytest.mark.parametrize("boost", [0.25, 4.0, -64.0])
+@pytest.mark.parametrize("masses", [(1.0, 0.5, 2.0), (1.0, 1.0, 1.0), (2.0, 0.5, 0.25)])
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.MOREAU])
+def test_an_observer_does_not_choose_the_law(law, masses, boost):
+    """A contact separates by so little that MOREAU gains about as much as rounding may."""
+    replaced = set()
+    for power in range(30, 46):
+        resting = row_of_balls((1.0, -(2.0**-power), 0.0), masses=masses, number=float)
+        one, other = (
+            resting._replace(
+                bodies=[b._replace(velocity=b.velocity + Vec3(v, 0.0, 0.0)) for b in resting.bodies]
+            )
+            for v in (0.0, boost)
+        )
+        answer, seen, exact = (scene.resolve(law) for scene in (one, other, one.in_fractions()))
+        assert seen.adjustments == answer.adjustments == exact.adjustments
+        changes = [twist.linear.x for twist in seen.changes]
+        assert changes == pytest.approx([twist.linear.x for twist in answer.changes], abs=1e-12)
+        replaced.add(bool(answer.adjustments & Adjustment.LAW_FALLBACK))
+    assert replaced == ({False, True} if law is Law.MOREAU else {False})
+
+
 @pytest.mark.parametrize("steep", [0.1, math.pi / 4])
 def test_more_friction_than_any_changes_no_path(steep):
     ball = Body.sphere(1.0, 1.0, velocity=(0.3, 0.4, -1.0), angular_velocity=(1, 2, 3))

@@ -122,6 +122,38 @@ def test_the_largest_energy_has_a_bound(law, e):
     assert answer.error_bound < 1e-8
 
 
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+@pytest.mark.parametrize(
+    "units",
+    [
+        (266, 0, 538), (530, 0, 540), (800, 0, 850), (-266, 0, -515), (-800, 0, -850),
+        (354, -476, 82), (452, -386, 192), (340, -178, 368), (-376, 494, -32), (-96, 228, -318),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("options", [{}, {"orders": 1}])
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_squares_of_speeds_may_leave_float64(law, units, options, friction):
+    """Energies and regimes are the same as in usual units."""
+    mass, length, time = units
+    flying = Body.dynamic(1.5, (0.1, 0, 0, 0.2, 0, 0.3), (9, 9, 9), None, (1, 2, 3), (3, 2, 1))
+    fields = (
+        "kinetic_energy_before",
+        "kinetic_energy_after",
+        "energy_lost_restitution",
+        "energy_lost_friction",
+    )
+    for seed in (60, 69, 70, 97, 98):
+        scene = any_scene(seed).with_contacts(restitution=0.5, friction=friction)
+        scene = scene._replace(bodies=[*scene.bodies, flying])
+        one, other = (given.resolve(law, options=options) for given in (scene, in_units(scene, *units)))
+        assert (other.status, other.regimes, other.adjustments) == (one.status, one.regimes, one.adjustments)
+        # A path goes by roots of stiffnesses and time, which are rounded in each unit.
+        tolerance = 1e-9 if law is Law.ROUTH_STRONGE else 2.0**-50
+        for field in fields:
+            energy = math.ldexp(getattr(other, field), 2 * (time - length) - mass)
+            assert energy == pytest.approx(getattr(one, field), abs=tolerance * one.kinetic_energy_before)
+
+
 @pytest.mark.parametrize("units", [(0, 0, -485), (800, 0, -85), (0, 0, 450), (-400, 0, 200), (-600, 0, 300)])
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_stronge_does_not_depend_on_units(units, friction):

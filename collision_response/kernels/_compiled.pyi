@@ -74,6 +74,7 @@ def resolve_clusters(
 def assemble(
     bodies: list[Body], pairs: list[tuple[int, int]], contacts: list[Contact], counts: list[int], /
 ) -> Cluster | Literal[False] | None: ...
+def kinetic_energy(body: Body, /) -> float | None: ...
 
 @final
 class Cluster:

@@ -147,6 +147,14 @@ PyObject* assemble(PyObject*, PyObject* const* args, Py_ssize_t count) {
   return reinterpret_cast<PyObject*>(object);
 }
 
+// kinetic_energy(body): [J], 0 if it is immovable; None if a number is not a float.
+PyObject* kinetic_energy(PyObject*, PyObject* body) {
+  AssembledBody read;
+  if (!read_exact_body(body, read.x)) return none_unless_error();
+  read.prepare();
+  return PyFloat_FromDouble(read.centre_in_doubles.energy);
+}
+
 bool add_cluster_type(PyObject* module) {
   cluster_type = reinterpret_cast<PyTypeObject*>(PyType_FromSpec(&spec));
   return cluster_type && PyModule_AddType(module, cluster_type) == 0;

@@ -9,4 +9,5 @@ Function batch, find_independent_sets;  // resolve_batch.cpp
 Function resolve_scene, find_clusters;  // resolve_scene.cpp
 PyObject *resolve_clusters(PyObject* module, PyObject* args), *has_fraction(PyObject* module, PyObject* o);
 Function assemble;  // cluster_object.cpp
+PyObject* kinetic_energy(PyObject* module, PyObject* body);
 bool add_cluster_type(PyObject* module);

@@ -4,15 +4,6 @@
 #include "scene/assembled.hpp"
 #include "units.hpp"
 
-// The kinetic energy of a rigid body with this twist.
-static double kinetic_energy(const double* body, const double* twist) {
-  double moving[BODY];
-  std::copy_n(body, BODY, moving);
-  const int power = Units::exponent(twist, 6);
-  for (int k = 0; k < 6; ++k) moving[BODY_VELOCITY_X + k] = std::ldexp(twist[k], -power);
-  return std::ldexp(Centre<double>(moving).energy, 2 * power);
-}
-
 // In units that suit fast bodies, the motion of far slower ones may be lost. Set the velocities that nothing changes, and
 // `energies` if asked for.
 static void restore_slow_bodies(const double* input, bool energies, ImpactResult& result) {

@@ -249,7 +249,7 @@ def _combine(
     for i, given in enumerate(scene.bodies):
         if twists[i] is None:  # it has no contact, or is immovable
             body = _read_body(i, given, options.exact)
-            energy = kinetic_energy(body)
+            energy = kinetic_energy(body) if options.exact else library.kinetic_energy(body)
             energies = [energies[0] + energy, energies[1] + energy, *energies[2:]]
             twists[i] = Twist(body.velocity, body.angular_velocity)
     if not (options.exact or all(map(math.isfinite, energies))):

@@ -14,8 +14,8 @@ INLINE N exact(double x) { return {{x, 0}, 0}; }
 template <class R> R rounded_to(const N& x) { return rounded_to<R>(value(x)); }
 INLINE double width(const N& x) { return x.error * (1 + 0x1p-30); }  // a bound on the error of high(x)
 
-// The exponent of the power of two that scales a normal or a quaternion into the middle of the range of doubles; 0 if
-// it is there already. _with_scaled_normal in scene/assemble.py does the same for normals.
+// The exponent of the power of two that scales numbers, as of a normal or a quaternion, into the middle of the range of
+// doubles; 0 if they are there already. _with_scaled_normal in scene/assemble.py does the same for normals.
 inline int exponent_of(const double* x, int count) {
   double largest = 0;
   for (int k = 0; k < count; ++k) largest = std::fmax(largest, std::fabs(x[k]));
@@ -116,6 +116,9 @@ inline double twist_size(const double* body, const double* twist) {
   return std::hypot(std::sqrt(body[BODY_MASS]) * std::hypot(twist[0], twist[1], twist[2]),
                     std::sqrt(arm) * std::hypot(twist[3], twist[4], twist[5]));
 }
+
+// The kinetic energy of a body with this twist.
+double kinetic_energy(const double* body, const double* twist);
 
 // The greatest ratio of the norm of error_bound to the size in the metric of kinetic energy, for twist changes of a
 // body.

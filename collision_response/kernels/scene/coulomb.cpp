@@ -260,7 +260,7 @@ struct LeastWork {
       for (int k = 0; k < 3; ++k) sum[k] = along_face * axes.in_own[0][k];
     const Axes by_turning = cross(before.spin(i).data(), axes.above.data());
     const auto own = contact.unit_vectors<double>();
-    if (std::sqrt(dot(by_turning.data(), by_turning.data(), 3)) <= little)
+    if (std::hypot(by_turning[0], by_turning[1], by_turning[2]) <= little)
       for (int k = 0; k < 3; ++k) sum[k] += dot(by_turning.data(), own[k].data(), 3);
     return sum;
   }

@@ -125,18 +125,16 @@ void set_motion(const AppliedImpulses& applied, ImpulseEffect& effect) {
   for (int b = 0; b < assembly.body_count; ++b) {
     const AssembledBody& body = assembly.bodies[b];
     const N* by_normal = &applied.twist_changes[6 * b];
-    double *change = &effect.changes[6 * b], moved[BODY], lost[6];
+    double *change = &effect.changes[6 * b], *twist = &effect.twists[6 * b], lost[6];
     if (applied.has_friction) body.centre_in_doubles.twist_of(&applied.by_friction.y[6 * b], change);
-    std::copy(body.x, body.x + BODY, moved);
     for (int k = 0; k < 6; ++k) {
       change[k] += high(by_normal[k]);
-      moved[BODY_VELOCITY_X + k] += change[k];
+      twist[k] = body.x[BODY_VELOCITY_X + k] + change[k];
       lost[k] = width(by_normal[k]) +
                 (std::fabs(change[k]) + std::fabs(high(by_normal[k]))) * 0x1p-53 * (applied.has_friction ? 4 : 1);
     }
-    std::copy_n(moved + BODY_VELOCITY_X, 6, &effect.twists[6 * b]);
     effect.energies[ENERGY_BEFORE] += body.centre_in_doubles.energy;
-    effect.energies[ENERGY_AFTER] += Centre<double>(moved).energy;
+    effect.energies[ENERGY_AFTER] += kinetic_energy(body.x, twist);
     largest = std::fmax(largest, twist_size(body.x, change));
     rounding = greater_error(rounding, twist_size(body.x, lost));
     worst = greater_error(worst, applied.error * norm_ratio(body));
@@ -192,19 +190,20 @@ struct Works {
     return DD{both.value.h / speed_unit, both.value.l / speed_unit} * load;
   }
 
-  // Set the energies that are lost, and whether energy is created.
+  // Set the energies that are lost, and whether energy is created. Kinetic energies must agree with the work: they depend
+  // on the observer, and so decide nothing else.
   void set_losses(ImpulseEffect& effect) const {
     double* energies = effect.energies;
     const double lost_restitution = -high(normal_work);
     const double loss = lost_restitution + lost_friction, by_rounding = 0x1p-40 * total + doubt;
-    const double by_error = applied.error < INFINITY ? applied.error * reach : 0;
-    const bool gains = loss < -by_rounding - by_error;
     const bool is_bounded = effect.error_bound < INFINITY;
-    const double greatest =
-        energies[ENERGY_BEFORE] * (1 + 0x1p-40) + (is_bounded ? by_error * impulse_unit * speed_unit : 0);
+    const double by_error = applied.error < INFINITY ? applied.error * reach : 0;
+    const double explained = is_bounded ? (by_rounding + by_error) * impulse_unit * speed_unit : 0;
+    const double least = 0x1p-1070 * applied.assembly.body_count;  // that energies are rounded to
+    const double greatest = energies[ENERGY_BEFORE] * (1 + 0x1p-40) + explained + least;
     const bool exceeds = !applied.assembly.has_moving_wall && energies[ENERGY_AFTER] > greatest;
-    const bool grows = exceeds && is_bounded;
-    effect.creates_energy = loss < -by_rounding || grows;
+    const bool gains = loss < -by_rounding - by_error, grows = exceeds && is_bounded;
+    effect.creates_energy = loss < -by_rounding;
     effect.is_unphysical = effect.is_unphysical || gains || grows;
     effect.lacks_digits = exceeds && !is_bounded;
     const double to_restitution = gains ? lost_restitution : std::fmax(lost_restitution, -lost_friction);
@@ -229,7 +228,8 @@ ImpulseEffect effect_of(const Assembly& assembly, const ClusterImpulses& impulse
     works.add(i, before, after);
     const double mu = assembly.contacts[i].mu, at_rest = AT_REST * applied.speeds_at(i);
     const double slip_before = std::hypot(before[1], before[2]), slip = std::hypot(after[1], after[2]);
-    const bool turns_back = before[1] * after[1] + before[2] * after[2] < 0 && std::fmin(slip_before, slip) > at_rest;
+    const bool turns_back = before[1] / slip_before * after[1] + before[2] / slip_before * after[2] < 0 &&
+                            std::fmin(slip_before, slip) > at_rest;
     const bool sticks = sticks_by_slip ? slip <= at_rest
                                        : applied.friction(i) < (1 - AT_REST) * applied.friction_limit(i);
     Regime& regime = effect.regimes[i];

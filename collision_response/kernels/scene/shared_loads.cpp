@@ -31,11 +31,12 @@ struct Walls {
       for (int side = 0; side < 2; ++side)
         if (const int body = cone.body[side]; body >= 0) weight[body] = std::fmin(weight[body], cone.own_part(side));
     for (double& one : weight) one = std::pow(1 + HEAVY * one, -2);
+    const double greatest = greatest_of(loads);
     double total = 0;
     for (int i = 0; i < assembly.count; ++i)
       for (int side = 0; side < 2; ++side) {
         const int body = assembly.contacts[i].body[side];
-        const double own = loads[i] * (body < 0 ? 1 : weight[body]);
+        const double own = loads[i] / greatest * (body < 0 ? 1 : weight[body]);
         const Velocity v = velocity_of(assembly.contacts[i], side);
         for (int k = 0; k < 3; ++k) drift[k] += own * v[k];
         total += own;
