@@ -10,7 +10,7 @@ from compile_cpp import compile_library
 
 from collision_response import Body, Contact
 from collision_response.kernels.tracer.headers import headers_of
-from collision_response.scene.rational_cluster import RationalCluster
+from collision_response.scene.rational_cluster import RationalCluster, RationalImpulses
 
 MU = 0.3
 
@@ -93,4 +93,4 @@ def test_in_fractions_too(fault):
     contacts = [Contact.of((F(i), F(0), F(0)), (F(0), F(0), F(1)), F(1, 2), F(0)) for i in range(4)]
     cluster = RationalCluster([mass, Body.static()], [(0, 1)] * 4, contacts, [1] * 4)
     for p, expected in (([*map(F, FAULTS[fault][0])], True), ([F(3, 8)] * 4, False)):
-        assert cluster.is_unphysical(p, cluster.effect_of(p)) is expected
+        assert cluster.is_unphysical(p, cluster.effect_of(RationalImpulses(p))) is expected

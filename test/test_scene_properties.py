@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 import random
 from contextlib import suppress
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
@@ -24,8 +26,19 @@ from scene_cases import (
     rotated_body,
     row_of_balls,
 )
+from scene_cases import box as box_on_floor
 
-from collision_response import Body, Contact, ImpactError, ImpactModel, Law, Regime, resolve, resolve_scene
+from collision_response import (
+    Adjustment,
+    Body,
+    Contact,
+    ImpactError,
+    ImpactModel,
+    Law,
+    Regime,
+    resolve,
+    resolve_scene,
+)
 from collision_response.physics.mass_properties import box
 from collision_response.physics.orientation import Quaternion
 from collision_response.physics.vector import Vec3
@@ -376,6 +389,27 @@ def test_errors_against_rationals_are_within_the_bound(seed):
     assert exact.error_bound == 0
     if answer.error_bound < math.inf:
         assert_within_bound(scene, answer, exact)
+
+
+@pytest.mark.parametrize("restitutions", list(itertools.product((0.0, 0.5, 1.0), repeat=4)))
+@pytest.mark.parametrize("spin", [(0, 0, 0), (1, 0, 0), (0.5, -0.25, 0)])
+def test_contacts_that_leave_faster_than_they_rebound_have_no_impulse_by_moreau(restitutions, spin):
+    """Four corners share three equations: the least norm must not spread the load to the other corners."""
+    flat = box_on_floor((0, 0, -1), spin)
+    contacts = [c._replace(restitution=e) for c, e in zip(flat.contacts, restitutions, strict=True)]
+    scene = flat._replace(pairs=[(0, 1)] * 5, contacts=[*contacts, contacts[0]])
+    answer, exact = scene.resolve(Law.MOREAU), scene.in_fractions().resolve(Law.MOREAU)
+    assert Adjustment.LAW_FALLBACK not in answer.adjustments | exact.adjustments
+    for e, before, after, P in zip(
+        (*restitutions, restitutions[0]),
+        exact.normal_velocities_before,
+        exact.normal_velocities_after,
+        exact.impulses,
+        strict=True,
+    ):
+        assert P.z == 0 or after == -Fraction(e) * before
+    for P, exactly in zip(answer.impulses, exact.impulses, strict=True):
+        assert tuple(P) == pytest.approx(tuple(map(float, exactly)), abs=2.0**-50)
 
 
 @each_seed

@@ -34,7 +34,7 @@ def resolve_in_fractions(cluster: RationalCluster, law: Law, threshold: Scalar) 
         ImpactError: CONTRADICTORY_CONTACTS, if no velocities keep all contacts from approaching.
     """
     impulses = _without_friction(cluster, law, threshold)
-    effect = cluster.effect_of(impulses.normal)
+    effect = cluster.effect_of(impulses)
     if impulses.is_cut_off:
         effect = effect._replace(error_bound=math.inf)
     code = StatusCode.INTERNAL_ERROR if cluster.is_unphysical(impulses.normal, effect) else StatusCode.OK
@@ -89,7 +89,7 @@ def _resolve_from_exact_impulses(
     if has_friction:
         law = Law.COULOMB
     impulses = _without_friction(exact, law, options.threshold)
-    least = exact.least_norm(impulses.normal)
+    least = exact.least_norm(impulses.normal, impulses.may_press)
     try:
         normal = list(map(float, least))
     except OverflowError:
@@ -112,9 +112,9 @@ def _resolve_from_exact_impulses(
 def _without_friction(cluster: RationalCluster, law: Law, threshold: Scalar) -> RationalImpulses:
     """Return the impulses of MOREAU if it has a sound answer, else those of FRICTIONLESS."""
     if law is Law.MOREAU:
-        normal = cluster.moreau()
-        if normal is not None and not cluster.creates_energy(normal):
-            return RationalImpulses(normal)
+        impulses = cluster.moreau()
+        if impulses is not None and not cluster.creates_energy(impulses.normal):
+            return impulses
     return reflections(cluster, threshold)._replace(fell_back=law is Law.MOREAU)
 
 

@@ -45,7 +45,8 @@ def contradiction() -> ImpactError:
 class RationalImpulses(NamedTuple):
     """Impulses along the normals, in fractions; the rest as in :class:`ClusterResult`.
 
-    ``is_cut_off`` says whether reflections were too long for fractions.
+    ``may_press`` has the contacts that may have an impulse, by the law; ``None``: any. ``is_cut_off`` says
+    whether reflections were too long for fractions.
     """
 
     normal: Numbers
@@ -53,6 +54,7 @@ class RationalImpulses(NamedTuple):
     restitution: Scalar | None = None
     no_rebound: bool = False
     fell_back: bool = False
+    may_press: Sequence[int] | None = None
     is_cut_off: bool = False
 
 
@@ -146,11 +148,19 @@ class RationalCluster:
             raise contradiction()
         return found
 
-    def moreau(self) -> Numbers | None:
-        """Return the impulses of MOREAU without friction; ``None`` if there are none."""
+    def moreau(self) -> RationalImpulses | None:
+        """Return the impulses of MOREAU without friction; ``None`` if there are none.
+
+        Contacts that leave faster than they rebound may have no impulse.
+        """
         if not self.can_rebound():
             return None
-        return self._keep_from_approaching(self._velocities_minus_rebound(), range(self.count))
+        u = self._velocities_minus_rebound()
+        found = self._keep_from_approaching(u, range(self.count))
+        if found is None:
+            return None
+        faster = [x + dot(row, found) for x, row in zip(u, self.A, strict=True)]
+        return RationalImpulses(found, may_press=[i for i, x in enumerate(faster) if x <= 0])
 
     def can_rebound(self) -> bool:
         """Whether all contacts can have at least the velocities ``-e min(u, 0)`` that MOREAU asks for."""
@@ -169,21 +179,23 @@ class RationalCluster:
             return ZERO
         return sum(w * c.restitution for w, c in zip(weights, self._contacts, strict=True)) / total
 
-    def effect_of(self, p: Numbers) -> ImpulseEffect:
-        """Return what normal impulses do."""
+    def effect_of(self, impulses: RationalImpulses) -> ImpulseEffect:
+        """Return what impulses do."""
+        p = impulses.normal
         changes = self._twist_changes(p)
         moved = list(map(with_change, self._bodies, changes))
         after = self._velocities(p)
         lost = -dot(p, [b + a for b, a in zip(self._u, after, strict=True)]) / 2
         lengths = [contact.normal.norm() for contact in self._contacts]
-        impulses = [c.normal * x for c, x in zip(self._contacts, self.least_norm(p), strict=True)]
+        least = self.least_norm(p, impulses.may_press)
+        vectors = [c.normal * x for c, x in zip(self._contacts, least, strict=True)]
         return ImpulseEffect(
             changes=changes,
             twists=[Twist(body.velocity, body.angular_velocity) for body in moved],
-            impulses=impulses,
+            impulses=vectors,
             normal_velocities_before=self.normal_velocities(),
             normal_velocities_after=[u / length for u, length in zip(after, lengths, strict=True)],
-            regimes=[Regime.SLIDING if any(impulse) else Regime.SEPARATING for impulse in impulses],
+            regimes=[Regime.SLIDING if any(impulse) else Regime.SEPARATING for impulse in vectors],
             energies=(sum(map(kinetic_energy, self._bodies)), sum(map(kinetic_energy, moved)), lost, ZERO),
             error_bound=0.0,
         )
@@ -269,12 +281,17 @@ class RationalCluster:
             for row, x in zip(self.A, self._u, strict=True)
         ]
 
-    def least_norm(self, p: Numbers, *, over_copies: bool = True) -> Numbers:
+    def least_norm(
+        self, p: Numbers, among: Sequence[int] | None = None, *, over_copies: bool = True
+    ) -> Numbers:
         """Return the impulses >= 0 with the effect of ``p`` whose sum of squares is least.
 
-        ``over_copies``: count the square of every copy of a contact, which share its impulse.
+        Only those of the contacts ``among`` change, or all if it is left out. ``over_copies``: count the
+        square of every copy of a contact, which share its impulse.
         """
-        Z = null_space(self._with_work())
+        of = range(self.count) if among is None else among
+        matrix = self._with_work()
+        Z = [_spread(z, of, self.count) for z in null_space([[matrix[i][j] for j in of] for i in of])]
         if not Z:
             return p
         counts = self._counts if over_copies else [1] * self.count
@@ -284,9 +301,17 @@ class RationalCluster:
         back, *responses = solve_each(H, [[dot(weights, z, p) for z in Z], *map(list, zip(*Z, strict=True))])
         unconstrained = [x - sum(c * z[i] for c, z in zip(back, Z, strict=True)) for i, x in enumerate(p)]
         matrix = [[dot([z[i] for z in Z], row) for row in responses] for i in range(self.count)]
-        among = [i for i in range(self.count) if matrix[i][i] != 0]
-        x = minimise(matrix, unconstrained, among, []).x
+        changed = [i for i in range(self.count) if matrix[i][i] != 0]
+        x = minimise(matrix, unconstrained, changed, []).x
         return [f + dot(row, x) for f, row in zip(unconstrained, matrix, strict=True)]
+
+
+def _spread(x: Numbers, places: Sequence[int], count: int) -> Numbers:
+    """Return ``count`` numbers: those of ``x`` at their places, and 0 elsewhere."""
+    result = [ZERO] * count
+    for place, one in zip(places, x, strict=True):
+        result[place] = one
+    return result
 
 
 def _signed_root(x: Scalar) -> Scalar:

@@ -47,15 +47,16 @@ struct AppliedImpulses {
       if (normal[i].h != 0) error += 0x1p-1073 / contact.scale;
     }
     if (has_friction) return;
-    if (!impulses.have_least_norm) take_least_norm();
+    if (!impulses.have_least_norm)
+      take_least_norm(impulses.may_press.empty() ? assembly.all_contacts() : impulses.may_press);
     normal_velocities = assembly.velocities(normal);
   }
 
   // Report the least impulses with the same effect. Where contacts nearly face each other, loads on both of them seem to
   // do nothing, but may be so great that they do all the work.
-  void take_least_norm() {
+  void take_least_norm(const std::vector<int>& among) {
     Vector least = reported;
-    least_norm(assembly, least);
+    least_norm(assembly, least, among);
     if (least == reported) return;
     std::vector<DD> dropped;
     for (int i = 0; i < assembly.count; ++i) dropped.push_back(normal[i] - DD{least[i], 0});

@@ -9,6 +9,7 @@ struct ClusterImpulses {
   double margin = INFINITY;  // least distance of a decision from its threshold, relative to the fastest approach
   double restitution = -1;  // the one used for all contacts; -1: each contact has its own
   bool no_rebound = false;  // reflections did not end: restitution is 0
+  std::vector<int> may_press{};  // the contacts that may have an impulse, by the law; empty: any
   bool have_least_norm = false;  // whether no others with the same effect are smaller
   Vector tangential{};  // across the normals, two for each contact; empty without friction
 };

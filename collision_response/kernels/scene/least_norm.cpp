@@ -32,10 +32,11 @@ struct Effects {
 // refining null impulses still gains digits.
 constexpr double NO_EFFECT = 0x1p-93, LEAST_EFFECT = 0x1p-98;
 
-// Find null impulses by pivots up to `dependent`, in the digits of R, and refine them until their effects are `enough`.
+// Find null impulses of the contacts `among` by pivots up to `dependent`, in the digits of R, and refine them until their effects are `enough`.
 // Left out are those whose effect, squared, is `most` or greater.
 template <class R>
-NullImpulses null_impulses_in(const Assembly& assembly, double enough, double dependent, double most) {
+NullImpulses null_impulses_in(const Assembly& assembly, const std::vector<int>& among, double enough, double dependent,
+                              double most) {
   constexpr int REFINEMENTS = 3;
   constexpr double WEIGHT_OF_WORK = 1e-6;  // the velocities of walls are known to fewer digits
   const int count = assembly.count;
@@ -46,7 +47,7 @@ NullImpulses null_impulses_in(const Assembly& assembly, double enough, double de
   ActiveSet<R> basis(effects.matrix.data(), count);
   NullImpulses found;
   std::vector<R> w;
-  for (int i : basis.span(assembly.all_contacts(), dependent)) {
+  for (int i : basis.span(among, dependent)) {
     std::vector<DD> z(count);
     basis.line(i, w);
     z[i].h = scale[i];
@@ -93,9 +94,9 @@ NullImpulses null_impulses_in(const Assembly& assembly, double enough, double de
 }
 
 // In doubles, contacts of very light bodies seem to depend on each other, and hide those that do.
-NullImpulses null_impulses_with(const Assembly& assembly, double enough) {
-  NullImpulses found = null_impulses_in<double>(assembly, enough, DEPENDENT<double>, NEXT_TO_NOTHING);
-  return found.are_complete ? found : null_impulses_in<DD>(assembly, enough, NEXT_TO_NOTHING, NEXT_TO_NOTHING);
+NullImpulses null_impulses_with(const Assembly& assembly, const std::vector<int>& among, double enough) {
+  NullImpulses found = null_impulses_in<double>(assembly, among, enough, DEPENDENT<double>, NEXT_TO_NOTHING);
+  return found.are_complete ? found : null_impulses_in<DD>(assembly, among, enough, NEXT_TO_NOTHING, NEXT_TO_NOTHING);
 }
 
 // Rounding of impulses, relative to the greatest.
@@ -253,15 +254,17 @@ bool minimise_norm_in(const Assembly& assembly, std::vector<R>& p, bool over_cop
 
 }  // namespace
 
-NullImpulses null_impulses(const Assembly& assembly) { return null_impulses_with(assembly, LEAST_EFFECT); }
+NullImpulses null_impulses(const Assembly& assembly) {
+  return null_impulses_with(assembly, assembly.all_contacts(), LEAST_EFFECT);
+}
 
 bool minimise_norm(const Assembly& assembly, std::vector<DD>& p, const std::vector<std::vector<DD>>& Z, double left_out,
                    const Vector& target) {
   return minimise_norm_in(assembly, p, false, Z, left_out, target);
 }
 
-void least_norm(const Assembly& assembly, Vector& p) {
+void least_norm(const Assembly& assembly, Vector& p, const std::vector<int>& among) {
   if (std::all_of(p.begin(), p.end(), [](double x) { return x == 0; })) return;
-  const NullImpulses found = null_impulses_with(assembly, NO_EFFECT);
+  const NullImpulses found = null_impulses_with(assembly, among, NO_EFFECT);
   if (!found.basis.empty()) minimise_norm_in(assembly, p, true, found.basis);
 }

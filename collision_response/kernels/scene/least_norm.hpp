@@ -20,5 +20,6 @@ NullImpulses null_impulses(const Assembly& assembly);
 bool minimise_norm(const Assembly& assembly, std::vector<DD>& p, const std::vector<std::vector<DD>>& Z,
                    double left_out = 0, const Vector& target = {});
 
-// Replace p by the impulses >= 0 of the same effect with the least sum of n.n p^2, over all copies of contacts.
-void least_norm(const Assembly& assembly, Vector& p);
+// Replace p by the impulses >= 0 of the same effect with the least sum of n.n p^2, over all copies of contacts. Only the
+// contacts `among` change.
+void least_norm(const Assembly& assembly, Vector& p, const std::vector<int>& among);

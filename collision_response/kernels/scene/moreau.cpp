@@ -15,6 +15,24 @@
 #include "laws.hpp"
 #include "projection.hpp"
 
+namespace {
+
+// The contacts that do not leave faster than they rebound: only these may have an impulse.
+std::vector<int> contacts_that_rebound(const Assembly& assembly, const Projection& found) {
+  constexpr double ROUNDING = 0x1p-40;
+  const std::vector<N> after = assembly.velocities(found.q.data());
+  std::vector<int> result;
+  for (int i = 0; i < assembly.count; ++i) {
+    const AssembledContact& contact = assembly.contacts[i];
+    const double before = high(contact.velocity), rebound = -contact.e * std::fmin(before, 0);
+    const double rounding = ROUNDING * (std::fabs(before) + std::fabs(high(after[i])));
+    if (high(after[i]) - rebound <= rounding + found.error / contact.scale) result.push_back(i);
+  }
+  return result;
+}
+
+}  // namespace
+
 ClusterImpulses moreau(const Assembly& assembly, bool has_friction) {
   constexpr double BUDGET = 2e9;  // multiplications: a second or two
   if (has_friction) {
@@ -27,6 +45,9 @@ ClusterImpulses moreau(const Assembly& assembly, bool has_friction) {
   if (std::all_of(assembly.contacts.begin(), assembly.contacts.end(), separates))
     return {true, std::vector<DD>(assembly.count)};
   if (assembly.is_locked) return {false};
-  Projection found = project_to_rebound(assembly);
-  return {found.status == MinimumStatus::FOUND, found.q, found.error};
+  const Projection found = project_to_rebound(assembly);
+  if (found.status != MinimumStatus::FOUND) return {false};
+  ClusterImpulses impulses{true, found.q, found.error};
+  impulses.may_press = contacts_that_rebound(assembly, found);
+  return impulses;
 }
