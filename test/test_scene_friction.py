@@ -562,6 +562,59 @@ def test_elastic_stronge_contacts_lose_energy_to_friction_only(seed):
     assert answer.energy_lost_friction > 0
 
 
+@pytest.mark.parametrize("power", [3, 6, 9, 12, 15, 17, 20, 25, 30])
+@pytest.mark.parametrize("e", [0.05, 0.5, 0.9, 1.0])
+@pytest.mark.parametrize("exponent", [1.0, 1.2, 1.5, 3.0])
+@pytest.mark.parametrize("mu", [0.0, 0.2])
+def test_a_light_ball_rebounds_by_stronge(power, e, exponent, mu):
+    """Whatever else the heavy ball touches: next to it, the light one counts for nothing."""
+    light = 10.0**-power
+    scene = row_of_balls((1.0, 0.0, 0.0), e, (light, 1.0, 1.0), float).with_contacts(friction=mu)
+    answer = scene.resolve(Law.ROUTH_STRONGE, options={"exponent": exponent})
+    # The first is the rebound of a heavy wall, which moves by less than 2 light.
+    assert answer.twists[0].linear.x == pytest.approx(-e, abs=2 * answer.error_bound + 2 * light)
+    lost = (1 - e * e) * light / 2
+    assert answer.energy_lost_restitution == pytest.approx(
+        lost, abs=(4 * answer.error_bound + 3 * light) * light
+    )
+    assert 0 <= answer.error_bound < 2e-5
+
+
+WEAKLY_PRESSED = [
+    (
+        (-0.9993844285732415, 0, 0.16000190889991117),
+        (0.6954028614451392, -0.8931183306250434, -0.9932656405273075),
+        0.09232629905801827,
+        0.5031035591056386,
+        1e-3,
+        3.7596e-5,
+    ),
+    ((-1, 0, 0.16), (0.5, -0.9, -0.99), 0.0923, 0.5, 1e-3, None),
+    ((-1.014, 0, 0.0046), (0.575, -0.4964, -1.1885), 0.1, 0.4735, 1.026e-3, None),
+]
+"""Balls in a corner of a soft wall and a stiff one, which only the friction of the soft one presses.
+
+Velocity, spin, friction, restitution, stiffness of the soft wall, and the velocity along y afterwards, where
+it is known by an implicit integrator (Radau) with regularised friction, whose width was made ever smaller.
+"""
+
+
+@pytest.mark.parametrize(("velocity", "spin", "mu", "e", "softer", "known"), WEAKLY_PRESSED)
+def test_a_finer_path_takes_other_steps(velocity, spin, mu, e, softer, known):
+    """Where motion is slow, all paths might take the longest steps, and agree on the same error."""
+    ball = Body.sphere(1.0, 0.5, position=(0.5, 0.5, 0), velocity=velocity, angular_velocity=spin)
+    contacts = [Contact.of((0, 0.5, 0), (1, 0, 0), e, mu), Contact.of((0.5, 0, 0), (0, 1, 0), e, mu)]
+    scene = Scene([ball, Body.static()], [(0, 1)] * 2, contacts)
+    options = {"stiffness": [softer, 1.0], "exponent": 1.0}
+    answer = scene.resolve(Law.ROUTH_STRONGE, options=options)
+    finer = scene.resolve(Law.ROUTH_STRONGE, options=options, tolerance=1e-8)
+    assert finer.error_bound <= 1e-8
+    assert distance(scene, answer, finer) <= answer.error_bound + finer.error_bound
+    if known is not None:
+        off = abs(answer.twists[0].linear.y - known)
+        assert off <= answer.error_bound * change_norm(scene, answer) + 1e-8  # the known one has five digits
+
+
 @pytest.mark.parametrize("seed", [62, 64, 66, 67, 70, 72, 73, 74, 76])
 def test_stronge_errors_are_within_the_bound(seed):
     scene = any_scene(seed).with_contacts(restitution=0.5, friction=0.3)

@@ -22,6 +22,10 @@ struct ContactSprings {
   int count;
   double unit = 1, root = 1;  // of speed, and of the root of mass
   double speed = 0, mass = 0;  // of the fastest approach; the mean effective mass
+  // Of each contact, at most the mean, and the time that its own mass takes to bounce: what counts as little for other
+  // contacts may be all of a light body.
+  Vector own_mass, own_time;
+  double shortest = 1e-13;  // step; errors shorten no step below that
   double exponent;
   Vector stiffness;
   // For each contact, the change of its normal velocity by unit normal impulses on others.
@@ -51,8 +55,14 @@ struct ContactSprings {
     for (int i = 0; i < count; ++i) {
       for (int j = 0; j < count; ++j)
         if (double by = coupling(assembly, i, 0, j, 0); by != 0) coupled[i].push_back({j, by});
-      mass += 1 / coupling(assembly, i, 0, i, 0) / count;
+      own_mass.push_back(1 / coupling(assembly, i, 0, i, 0));
+      mass += own_mass[i] / count;
     }
+    for (double& own : own_mass) {
+      own = std::fmin(own, mass);
+      own_time.push_back(std::pow(own / mass, 1 / (1 + exponent)));
+    }
+    shortest *= *std::min_element(own_time.begin(), own_time.end());
     const double most = *std::max_element(stiffness.begin(), stiffness.end()), stiffness_unit = power_near(most);
     // In a unit of time near the duration of a contact: k x^eta t = m u with x = u t.
     for (double& k : stiffness)
@@ -69,10 +79,10 @@ struct ContactSprings {
     return u < -slow ? -u : x > 0 && u > 0 ? -u / (e * e) : 0;
   }
   // Whether the energy left in a spring is too small to matter, and its contact does not approach.
-  bool is_over(int i, double x, double u) const { return force(i, x) * x <= mass * slow * slow && u >= -slow; }
+  bool is_over(int i, double x, double u) const { return force(i, x) * x <= own_mass[i] * slow * slow && u >= -slow; }
   // The normal speed of a contact after its spring has given its energy back.
   double residual_speed(int i, double x, double u) const {
-    return x > 0 || u < 0 ? std::sqrt(u * u + force(i, x) * x / mass) : 0;
+    return x > 0 || u < 0 ? std::sqrt(u * u + force(i, x) * x / own_mass[i]) : 0;
   }
   // The fraction of a step after which a spring turns from loading to unloading, by the secant; 1 if it does not.
   double turning_fraction(int i, double x, double before, double after) const {
@@ -87,13 +97,14 @@ struct ContactSprings {
   // Slower contacts compress their springs for longer, so the longest step depends on the `fastest` residual speed.
   bool accepts_step(double worst, double order, double turns, double fastest) {
     constexpr double CAUTION = 0.9, LENGTHEN = 4, SHORTEN = 0.2;  // factors of the length
-    constexpr double SHORTEST = 1e-13, LONGEST = 0.2;  // in units of time
     constexpr double LEAST_ERROR = 1e-10, AT_THE_START = 1e-6, AT_THE_END = 0.9;
+    // In units of time. Shorter for a finer path: else both might take the same steps, and agree on the same error.
+    const double longest_of_fastest = 0.5 * std::pow(tolerance, 0.1);
     const double by = CAUTION * std::pow(std::fmax(worst, LEAST_ERROR), -1 / order);
-    if (worst <= 1 || h < SHORTEST) {
+    if (worst <= 1 || h < shortest) {
       step_errors += worst * tolerance;
       const double relative = std::fmin(std::fmax(fastest, slow) / speed, 1);
-      const double longest = LONGEST * std::pow(relative, (1 - exponent) / (1 + exponent));
+      const double longest = longest_of_fastest * std::pow(relative, (1 - exponent) / (1 + exponent));
       h = std::fmin(h * std::fmin(LENGTHEN, std::fmax(SHORTEN, by)), longest);
       return true;
     }
@@ -114,8 +125,8 @@ struct ContactSprings {
   double separating_size() const { return assembly.is_locked ? 1 : assembly.separating_size; }
 
   double in_newton_seconds(double p) const { return p * root * unit * root; }
-  // If the errors of the path create energy, all impulses are made smaller until they do not.
-  std::vector<Axes> in_newton_seconds(std::vector<Axes> P) const {
+  // The part of impulses that creates no energy: less than 1 only by the errors of the path.
+  double part_without_gain(const std::vector<Axes>& P) const {
     Motion motion(assembly);
     for (int i = 0; i < count; ++i) motion.apply(i, P[i]);
     double before = 0, after = 0;  // twice the work of P is P.u before and after
@@ -124,10 +135,7 @@ struct ContactSprings {
         before += P[i][axis] * assembly.contacts[i].axes[axis].velocity;
         after += P[i][axis] * motion.velocity(i, axis);
       }
-    const double part = before + after > 0 ? 2 * before / (before - after) : 1;
-    for (Axes& one : P)
-      for (double& along : one) along = in_newton_seconds(part * along);
-    return P;
+    return before + after > 0 ? 2 * before / (before - after) : 1;
   }
 
  private:

@@ -23,9 +23,9 @@ struct PathWithoutFriction : ContactSprings {
       }
       double worst = 0, turns = 1, fastest = 0;
       for (int i : active) {
-        for (int c : {i, count + i})
-          worst = std::fmax(worst,
-                            std::fabs(h * combination(ERROR, 7, c)) / (tolerance * (c < count ? speed : mass * speed)));
+        const double of_x = std::fabs(h * combination(ERROR, 7, i)) / (own_time[i] * speed);
+        const double of_p = std::fabs(h * combination(ERROR, 7, count + i)) / (own_mass[i] * speed);
+        worst = std::fmax(worst, std::fmax(of_x, of_p) / tolerance);
         const double u = velocity(i, z);
         turns = std::fmin(turns, turning_fraction(i, y[i], velocity(i, y), u));
         fastest = std::fmax(fastest, residual_speed(i, z[i], u));

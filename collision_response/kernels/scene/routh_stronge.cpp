@@ -57,7 +57,9 @@ bool rattles_for_ever(const Assembly& assembly) {
 
 struct FollowedPath : PathAnswer {
   Vector changes;  // of the twists of the movable bodies
-  double left = 0;  // of approaches too slow to count, relative to the motion: to heavy bodies they may matter
+  // Of the motion, relative to it: approaches too slow to count, which may matter to heavy bodies, and what was taken off
+  // because it created energy.
+  double left = 0;
 };
 
 // The length of a vector, whose squares may be beyond the range of doubles.
@@ -110,13 +112,16 @@ double motion_left(const Assembly& assembly, const std::vector<Axes>& P) {
 template <class Path>
 FollowedPath answer_of(const Assembly& assembly, const Path& path) {
   FollowedPath answer;
-  const std::vector<Axes> P = path.in_newton_seconds(path.impulses());
+  std::vector<Axes> P = path.impulses();
+  const double part = path.part_without_gain(P);
+  for (Axes& one : P)
+    for (double& along : one) along = path.in_newton_seconds(part * along);
   answer.impulses = with_axis_impulses({}, assembly, P);
   if (!Path::HAS_FRICTION) answer.impulses.tangential.clear();
   const ImpulseEffect effect = effect_of(assembly, answer.impulses, true);
   answer.changes = effect.changes;
   answer.rounding = effect.error_bound;
-  answer.left = motion_left(assembly, P);
+  answer.left = motion_left(assembly, P) + (1 - part);
   // No loss is negative, by the errors of the path and the rounding of this sum.
   const double lost = (effect.energies[LOST_TO_RESTITUTION] + effect.energies[LOST_TO_FRICTION]) * (1 - 0x1p-51);
   answer.friction_loss = std::fmin(std::fmax(path.friction_loss, 0), lost);
