@@ -14,8 +14,20 @@ from collisions import random_collision
 from refusals import refused
 from ros_graph import publish_until_received
 
-from collision_response import Body, Contact, ImpactError, ImpactModel, Law, StatusCode, Vec3, resolve
-from collision_response.ros import convert
+from collision_response import (
+    Body,
+    Contact,
+    Geometry,
+    ImpactError,
+    ImpactModel,
+    Law,
+    Precision,
+    StatusCode,
+    Vec3,
+    resolve,
+)
+from collision_response.model import DEFAULT
+from collision_response.ros import batch_client, convert, scene_client
 from collision_response.ros.impact_client import pack, unpack
 
 BALL = Body.sphere(2.0, 0.1, position=(0, 0, 0.1), velocity=(0.5, 0, -3))
@@ -138,3 +150,24 @@ def test_a_link_of_a_mechanism_keeps_its_inverse_inertia():
     assert convert.body_of("body_a", state) == LINK
     assert state.inertia.m == 0 and not math.isinf(sum(state.inverse_inertia))
     assert Vec3(*state.inverse_inertia[:3]) == Vec3(1.25, 0.25, 0.25)
+
+
+def test_a_request_without_a_model_leaves_all_to_the_node(graph):
+    """Every field of a model counts that is not 0, such as the stiffness ratio of the default model."""
+    parameters = ImpactModel(Law.COMPLIANT, Geometry.SPATIAL, Precision.DOUBLE, 1e-3, 0.0, 0.01, 0.5)
+    graph.serve(
+        law="compliant",
+        geometry="spatial",
+        precision="double",
+        tolerance=parameters.tolerance,
+        restitution_threshold=parameters.restitution_threshold,
+        stiffness_ratio=parameters.stiffness_ratio,
+    )
+    expected = resolve(BALL, Body.static(), TOUCH, parameters)
+    response = graph.call(pack(BALL, Body.static(), TOUCH))
+    assert unpack(response) == (expected.twist_a, expected.twist_b)
+    assert convert.model_of(response.result.model, DEFAULT) == expected.model
+    no_contacts = batch_client.pack(np.empty((7, 0)), np.empty((2, 0), int), np.empty((5, 0)))
+    assert graph.call(no_contacts).model.stiffness_ratio == parameters.stiffness_ratio
+    scene = graph.call(scene_client.pack([BALL, Body.static()], [(0, 1)], [TOUCH])).result
+    assert (scene.status.code, scene.model.stiffness_ratio) == (StatusCode.OK, parameters.stiffness_ratio)

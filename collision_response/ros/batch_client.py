@@ -22,8 +22,8 @@ from ..batch import BatchResult, is_bounded
 from ..batch.arrays import Array, as_numpy
 from ..batch.result import result_fields
 from ..batch.rows import TABLE_LAYOUTS, body_rows
-from ..model import DEFAULT, Geometry, ImpactModel, check_model
-from .convert import error_from, model_of, write_model
+from ..model import DEFAULT, Geometry, ImpactModel
+from .convert import error_from, model_message, model_of
 from .tables import Request, Response, append, as_indices, as_lines, as_text, result_in, view_of
 
 
@@ -31,7 +31,7 @@ def pack(
     bodies: ArrayLike,
     pairs: ArrayLike,
     contacts: ArrayLike,
-    model: ImpactModel = DEFAULT,
+    model: ImpactModel | None = None,
     *,
     names: Iterable[str] = (),
     frame_id: str = "",
@@ -45,7 +45,8 @@ def pack(
         pairs: for each contact the column of body_a, to which the normal points, and the column of body_b,
             shape ``(2, N)``. Columns from B on are the bodies of ``names``.
         contacts: a column for each contact, shape ``(rows, N)``.
-        model: fields that are 0, including the law AUTO, have the values of the node's parameters.
+        model: what to model. Left out: what the node's parameters say, which also holds for fields of a model
+            that are 0, such as the law AUTO.
         names: names of bodies. The node uses their latest received states.
         frame_id: the inertial frame of all bodies and contacts.
         report: whether to ask for regimes, energies and adjustments.
@@ -56,17 +57,16 @@ def pack(
         ValueError: if an array has the wrong shape or masked elements, an entry of ``pairs`` is not an index,
             or a name is not one line of text.
     """
-    check_model(model)
+    wanted = model_message(model)
     bodies, contacts = as_numpy("bodies", bodies), as_numpy("contacts", contacts)
     pairs = as_numpy("pairs", pairs)
     _check_shapes(bodies, pairs, contacts)
-    request = Request(names=as_lines(names), report=report)
+    request = Request(names=as_lines(names), report=report, model=wanted)
     request.header.frame_id = as_text("frame_id", frame_id)
     request.layout = getattr(Request, TABLE_LAYOUTS[bodies.shape[0]].name)
     append(request.bodies, bodies)
     append(request.pairs, as_indices(pairs))
     append(request.contacts, contacts)
-    write_model(request.model, model)
     return request
 
 

@@ -27,7 +27,7 @@ from ..arguments import check_number
 from ..body_numbers import IDENTITY_QUATERNION, ROWS, body_to_numbers
 from ..in_python.request_numbers import read_request
 from ..materials import NO_MATERIALS, RANGES, Pair, combined_coefficient
-from ..model import ENUMERATIONS, Adjustment, ImpactModel, Precision
+from ..model import ENUMERATIONS, Adjustment, ImpactModel, Precision, check_model
 from ..msg import BodyState, CollisionResult, SceneResult
 from ..msg import Contact as ContactMessage
 from ..msg import ImpactModel as ImpactModelMessage
@@ -257,6 +257,20 @@ def _model(fields: tuple[Any, ...], defaults: ImpactModel) -> ImpactModel:
         with suppress(ValueError):
             given[field] = kind(given[field])
     return defaults._replace(**{field: value for field, value in given.items() if value})
+
+
+def model_message(model: ImpactModel | None) -> ImpactModelMessage:
+    """Return the model of a request. ``None`` makes all fields 0: the node's parameters then decide.
+
+    Raises:
+        ImpactError: if the model is invalid.
+        TypeError: if it is not an :class:`ImpactModel`.
+    """
+    message = ImpactModelMessage()
+    if model is not None:
+        check_model(model)
+        write_model(message, model)
+    return message
 
 
 def write_model(message: ImpactModelMessage, model: ImpactModel) -> None:

@@ -12,13 +12,13 @@ from __future__ import annotations
 
 from std_msgs.msg import Header
 
-from ..model import DEFAULT, ImpactModel, check_model
+from ..model import ImpactModel
 from ..msg import BodyState
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
 from ..srv import ResolveCollision
 from ..status import format_value
-from .convert import contact_message, error_from, state_message, twist_of, write_model
+from .convert import contact_message, error_from, model_message, state_message, twist_of
 from .tables import as_text
 
 
@@ -26,7 +26,7 @@ def pack(
     body_a: Body | str,
     body_b: Body | str,
     contact: Contact,
-    model: ImpactModel = DEFAULT,
+    model: ImpactModel | None = None,
     *,
     frame_id: str = "",
 ) -> ResolveCollision.Request:
@@ -35,7 +35,8 @@ def pack(
     Args:
         body_a, body_b: the bodies, or their names: then the node uses their latest received states.
         contact: the node chooses a restitution or friction of -1.
-        model: fields that are 0, including the law AUTO, have the values of the node's parameters.
+        model: what to model. Left out: what the node's parameters say, which also holds for fields of a model
+            that are 0, such as the law AUTO.
         frame_id: the inertial frame of the contact and of the bodies.
 
     Raises:
@@ -44,14 +45,13 @@ def pack(
         ValueError: if a name or ``frame_id`` is not one line of text, or the request has no place for
             something: the tangential restitution of the contact, or a coefficient that is a function.
     """
-    check_model(model)
+    wanted = model_message(model)
     if not isinstance(contact, Contact):
         raise TypeError(f"contact: must be a Contact, is {format_value(contact)}")
     header = Header(frame_id=as_text("frame_id", frame_id))
-    request = ResolveCollision.Request(contact=contact_message(contact, header))
+    request = ResolveCollision.Request(contact=contact_message(contact, header), model=wanted)
     request.body_a = _state("body_a", body_a, header)
     request.body_b = _state("body_b", body_b, header)
-    write_model(request.model, model)
     return request
 
 

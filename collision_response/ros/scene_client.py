@@ -19,13 +19,13 @@ import numpy as np
 
 from ..arguments import as_list, check_mapping, is_real
 from ..body_numbers import body_to_numbers
-from ..model import DEFAULT, ImpactModel, check_model
+from ..model import ImpactModel
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..scene.request import check_parts
 from ..srv import ResolveScene
 from ..status import format_value
-from .convert import NOT_GIVEN, body_in_floats, contact_in_floats, write_model
+from .convert import NOT_GIVEN, body_in_floats, contact_in_floats, model_message
 from .tables import append, as_indices, as_lines, as_text
 
 
@@ -33,7 +33,7 @@ def pack(
     bodies: Sequence[Body],
     pairs: Iterable[tuple[int, int]],
     contacts: Sequence[Contact],
-    model: ImpactModel = DEFAULT,
+    model: ImpactModel | None = None,
     *,
     names: Iterable[str] = (),
     frame_id: str = "",
@@ -45,7 +45,8 @@ def pack(
         pairs: for each contact, the indices of its body_a and its body_b. Indices from ``len(bodies)`` on are
             those of the further ``names``.
         contacts: the contacts. The node chooses a restitution or friction of -1.
-        model: fields that are 0, including the law AUTO, have the values of the node's parameters.
+        model: what to model. Left out: what the node's parameters say, which also holds for fields of a model
+            that are 0, such as the law AUTO.
         names: names of ``bodies``, then of further bodies. The node uses their latest received states.
         frame_id: the inertial frame of all bodies and contacts.
 
@@ -56,14 +57,14 @@ def pack(
             request has no place for something: the tangential restitution of a contact, or a coefficient
             that is a function.
     """
-    check_model(model)
+    wanted = model_message(model)
     bodies, pairs, contacts = check_parts(bodies, pairs, contacts)
     for i, pair in enumerate(pairs):
         if not (hasattr(pair, "__len__") and len(pair) == 2 and all(map(is_real, pair))):
             raise ValueError(f"pairs[{i}]: must be two indices of bodies, is {format_value(pair)}")
     contacts = [contact_in_floats(f"contacts[{i}]", contact) for i, contact in enumerate(contacts)]
     bodies = [body_in_floats(f"bodies[{i}]", body) for i, body in enumerate(bodies)]
-    request = ResolveScene.Request(names=as_lines(names))
+    request = ResolveScene.Request(names=as_lines(names), model=wanted)
     request.header.frame_id = as_text("frame_id", frame_id)
     is_immovable = [body.mass == math.inf for body in bodies]  # a NaN mass is not movable either
     columns = [
@@ -77,7 +78,6 @@ def pack(
         [*contact.position, *contact.normal, contact.restitution, contact.friction] for contact in contacts
     ]
     append(request.contacts, np.array(rows, float).T)
-    write_model(request.model, model)
     return request
 
 
@@ -96,7 +96,7 @@ class Touch(NamedTuple):
 def pack_named(
     touches: Iterable[Touch],
     bodies: Mapping[str, Body] = MappingProxyType({}),
-    model: ImpactModel = DEFAULT,
+    model: ImpactModel | None = None,
     *,
     restitution: float = NOT_GIVEN,
     friction: float = NOT_GIVEN,
