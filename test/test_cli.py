@@ -338,6 +338,8 @@ contacts: [0, 0,  0, 0,  1, 1,  0.5, 0.5]"""
             ("body_c: {}", "body_c: there is no such field; did you mean body_b?"),
             ("body_a: {inertia: 3}", "body_a.inertia: must have some of the fields m, com, ixx, "),
             ("body_a: {inertia: {m: heavy}}", "body_a.inertia.m: must be a number, is 'heavy'"),
+            ("body_a: {inertia: {m: 1e1_0}}", "body_a.inertia.m: must be a number, is '1e1_0'"),
+            ("body_a: {inertia: {m: '1_0'}}", "body_a.inertia.m: must be a number, is '1_0'"),
             ("body_a: {motion_type: 300}", "body_a.motion_type: must be a uint8, is 300"),
             ("body_a: {motion_type: 1.5}", "body_a.motion_type: must be a uint8, is 1.5"),
             ("not_before: {sec: 3000000000}", "not_before.sec: must be an int32, is 3000000000"),

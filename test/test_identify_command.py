@@ -59,6 +59,7 @@ def test_the_command_reads_tables_as_papers_print_them(tmp_path: Path, capsys):
             "rows[1]: must have 4 cells, as there are columns; has 5",
         ),
         ("m,nz,vz,vz_after\n1,1,-1,0.5\n1,1,-1\n", "rows[1]: must have 4 cells, as there are columns; has 3"),
+        ("\nm,nz,vz,vz_after\n1,1,-1,1\n", "file: must have the names of the columns in its first line"),
         ("m,nz,vz,vz_after\n1,1,-1,1_0\n", "rows[0].vz_after: must be a number, is '1_0' (INVALID_TABLE)"),
         ("m,nz,vz,vz_after\n1,1,-1,\u0661\n", "rows[0].vz_after: must be a number, is '\u0661'"),
         ("m,nz,vz,vz_after,note\n1,1,-1,1," + "x" * 200_000, "line 1: field larger than field limit"),
@@ -100,6 +101,7 @@ def test_invalid_arguments_are_refused_by_the_parser(capsys, options, told):
         ),
         (["--within", "0.1"], "--within: for a recording, not for a table"),
         (["--set", "m=2", "nz=1", "--speed", "1"], "--speed: for readings of a sphere: there is no"),
+        (["--set", "m=2", "vz=-1"], "columns: vz is in the file: it cannot be set (INVALID_TABLE)"),
         (["--within", "-1"], "within: must be at least 0; is -1.0 (INVALID_MODEL)"),
         (["--within", "nan"], "within: must be finite; is nan (NOT_FINITE)"),
     ],
@@ -223,8 +225,13 @@ def test_the_command_names_the_columns_that_it_leaves_out(tmp_path: Path, capsys
             ["--set", "m=2", "nz=1", "cx=0"],
             "rx",
         ),
+        (
+            "vx,vz,vx_after,vz_after,b_vz_after\n1,-1,.85,.5,0\n2,-1,1.85,.5,0\n1,-2,.7,1,0\n",
+            ["--set", "m=2", "nz=1"],
+            "b_vz_after",
+        ),
     ],
-    ids=["readings", "arm"],
+    ids=["readings", "arm", "immovable"],
 )
 def test_so_it_does_if_other_columns_take_their_place(tmp_path: Path, capsys, text, options, unused):
     table = tmp_path / "impacts.csv"

@@ -117,6 +117,7 @@ SPHERE = {"speed": 3.9, "radius": 0.0025, "tables": {"ratio": [(40, 0.8), (50, 0
         *(({"gyration": x}, "gyration") for x in (0.0, -0.4, 0.67, math.nan, math.inf)),
         *(({"errors": {"ratio": x}}, "errors['ratio']") for x in (0.0, -1.0, math.nan, math.inf)),
         ({"errors": {}}, "errors['ratio']"),
+        ({"errors": {"ratio": 1.0, "speed": 1.0}}, "errors"),
         ({"errors": {"angle": 1.0}}, "errors['ratio']"),
         ({"tables": {}}, "tables"),
         ({"tables": {"ratio": []}}, "tables"),

@@ -17,6 +17,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from .. import ImpactError, StatusCode
 from ..answer import format_columns, format_impact, format_name, format_number
+from ..arguments import number_in
 from ..model import ENUMERATIONS
 from ..msg import BodyState
 from ..ros.batch_client import unpack
@@ -82,7 +83,7 @@ def main(arguments: list[str]) -> int:
         request = kind.Request()
         tree = load_yaml(_read() if given.request == "-" else given.request)
         fill(request, {} if tree is None else tree)  # an empty request has all defaults
-        service = given.service or f"/collision_response/{default}"
+        service = f"/collision_response/{default}" if given.service is None else given.service
         print(show(answer(kind, request, service, given.timeout)))
     except (InvalidRequest, YAMLError, TimeoutError) as error:
         print(f"collision_response call: {error}", file=sys.stderr)
@@ -170,7 +171,7 @@ def _number(where: str, value: Any, kind: str) -> float:
         if isinstance(value, bool):
             raise ValueError
         if is_float:
-            return float(value)
+            return number_in(value) if isinstance(value, str) else float(value)
         limits = np.iinfo(kind)
         if int(value) != value or not limits.min <= value <= limits.max:
             raise ValueError

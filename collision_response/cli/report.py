@@ -26,7 +26,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("files", nargs="+", metavar="FILE.rrd")
     parser.add_argument("--html", type=Path, metavar="PAGE", help="default: the first file's name, .html")
     parser.add_argument(
-        "--csv", type=Path, metavar="TABLE", help="also write every impact as a row of numbers"
+        "--csv", type=Path, metavar="TABLE", help="also write every impact and refusal as a row"
     )
     given = parser.parse_args(arguments)
     try:

@@ -50,13 +50,16 @@ def read_rows(path: Path, more: Mapping[str, str]) -> tuple[list[dict[str, float
     Raises:
         ImpactError: INVALID_TABLE if the file is not text, cells are not separated by commas, a cell is not a
             number or is too long, a needed column appears twice, a row has more or fewer cells than there are
-            columns, there are no rows, or ``more`` has an unknown column.
+            columns, there are no rows, or ``more`` has an unknown column, or one that the file has.
     """
     for name in more:
         if name not in KNOWN:
             raise ImpactError(StatusCode.INVALID_TABLE, "columns", f"{name} is unknown")
     rows = []
     table, unused = _cells(path, KNOWN.union(more.values()))
+    for name in more:
+        if table and name in table[0]:
+            raise ImpactError(StatusCode.INVALID_TABLE, "columns", f"{name} is in the file: it cannot be set")
     for i, cells in enumerate(table):
         cells |= {name: cells.get(value, value) for name, value in more.items()}
         rows.append({name: _number(f"rows[{i}].{name}", cells[name]) for name in cells if name in KNOWN})
@@ -76,6 +79,9 @@ def _cells(path: Path, needed: set[str]) -> tuple[list[dict[str, str]], list[str
             raise ImpactError(StatusCode.INVALID_TABLE, "file", f"must be text in UTF-8: {error}") from None
         except csv.Error as error:
             raise ImpactError(StatusCode.INVALID_TABLE, f"line {reader.line_num}", str(error)) from None
+    if not any(names):
+        reason = "must have the names of the columns in its first line"
+        raise ImpactError(StatusCode.INVALID_TABLE, "file", reason)
     for separator in (";", "\t"):
         if len(names) == 1 and separator in names[0]:
             reason = f"must have commas between cells, has {separator!r}"
@@ -135,8 +141,10 @@ def unused_columns(row: Row) -> list[str]:
     """Return the known columns of a table that are not used because of others."""
     if "incidence" in row:
         return [name for name in row if name not in ("incidence", *SphereReadings.QUANTITIES)]
-    has_point = any(name in row for name in POINT)
-    return [name for name in row if name in SphereReadings.QUANTITIES or (has_point and name in ARM)]
+    has_point, has_b = any(name in row for name in POINT), "b_m" in row
+    unused = {*SphereReadings.QUANTITIES, *(ARM if has_point else ())}
+    unused |= set() if has_b else {f"b_{name}" for name in AFTER}
+    return [name for name in row if name in unused]
 
 
 def _require_columns(row: Row, *groups: Sequence[str]) -> None:

@@ -58,6 +58,10 @@ class SphereReadings(Measurements):
         self._sphere = speed, radius, _positive("gyration", gyration, SHELL_GYRATION)
         check_mapping("tables", tables)
         check_mapping("errors", errors)
+        for name in errors:
+            if name not in self.QUANTITIES:
+                reason = f"must be of some of {', '.join(self.QUANTITIES)}; one is of {format_value(name)}"
+                raise ImpactError(StatusCode.INVALID_TABLE, "errors", reason)
         rows = []
         for name, readings in tables.items():
             if name not in self.QUANTITIES:
