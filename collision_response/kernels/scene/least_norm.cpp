@@ -32,8 +32,8 @@ struct Effects {
 // refining null impulses still gains digits.
 constexpr double NO_EFFECT = 0x1p-93, LEAST_EFFECT = 0x1p-98;
 
-// Find null impulses of the contacts `among` by pivots up to `dependent`, in the digits of R, and refine them until their effects are `enough`.
-// Left out are those whose effect, squared, is `most` or greater.
+// Find null impulses of the contacts `among` by pivots up to `dependent`, in the digits of R, and refine them until their
+// effects are `enough`. Left out are those whose effect, squared, is `most` or greater.
 template <class R>
 NullImpulses null_impulses_in(const Assembly& assembly, const std::vector<int>& among, double enough, double dependent,
                               double most) {
