@@ -141,9 +141,11 @@ def unused_columns(row: Row) -> list[str]:
     """Return the known columns of a table that are not used because of others."""
     if "incidence" in row:
         return [name for name in row if name not in ("incidence", *SphereReadings.QUANTITIES)]
-    has_point, has_b = any(name in row for name in POINT), "b_m" in row
-    unused = {*SphereReadings.QUANTITIES, *(ARM if has_point else ())}
-    unused |= set() if has_b else {f"b_{name}" for name in AFTER}
+    unused = list(SphereReadings.QUANTITIES)
+    if any(name in row for name in POINT):
+        unused += ARM
+    if "b_m" not in row:  # body_b is immovable
+        unused += [f"b_{name}" for name in AFTER]
     return [name for name in row if name in unused]
 
 

@@ -58,15 +58,13 @@ class SphereReadings(Measurements):
         self._sphere = speed, radius, _positive("gyration", gyration, SHELL_GYRATION)
         check_mapping("tables", tables)
         check_mapping("errors", errors)
-        for name in errors:
-            if name not in self.QUANTITIES:
-                reason = f"must be of some of {', '.join(self.QUANTITIES)}; one is of {format_value(name)}"
-                raise ImpactError(StatusCode.INVALID_TABLE, "errors", reason)
+        for field, names in (("tables", tables), ("errors", errors)):
+            for name in names:
+                if name not in self.QUANTITIES:
+                    reason = f"must be some of {', '.join(self.QUANTITIES)}; one is {format_value(name)}"
+                    raise ImpactError(StatusCode.INVALID_TABLE, field, reason)
         rows = []
         for name, readings in tables.items():
-            if name not in self.QUANTITIES:
-                reason = f"must be some of {', '.join(self.QUANTITIES)}; one is {format_value(name)}"
-                raise ImpactError(StatusCode.INVALID_TABLE, "tables", reason)
             if name not in errors:
                 raise ImpactError(StatusCode.INVALID_TABLE, f"errors[{name!r}]", "is missing")
             error = _positive(f"errors[{name!r}]", errors[name])

@@ -25,7 +25,9 @@ struct ContactSprings {
   // Of each contact, at most the mean, and the time that its own mass takes to bounce: what counts as little for other
   // contacts may be all of a light body.
   Vector own_mass, own_time;
-  double shortest = 1e-13;  // step; errors shorten no step below that
+  // Steps, in units of time: errors shorten none below the first; at full speed none is longer than the second, which is
+  // less for a finer path: else both might take the same steps, and agree on the same error.
+  double shortest = 1e-13, longest;
   double exponent;
   Vector stiffness;
   // For each contact, the change of its normal velocity by unit normal impulses on others.
@@ -44,6 +46,7 @@ struct ContactSprings {
   ContactSprings(const Assembly& given, const SpringOptions& options, double tolerance, long work)
       : assembly(given),
         count(given.count),
+        longest(0.5 * std::pow(tolerance, 0.1)),
         exponent(options.exponent),
         stiffness(options.stiffness.empty() ? Vector(count, 1) : options.stiffness),
         coupled(count),
@@ -98,14 +101,12 @@ struct ContactSprings {
   bool accepts_step(double worst, double order, double turns, double fastest) {
     constexpr double CAUTION = 0.9, LENGTHEN = 4, SHORTEN = 0.2;  // factors of the length
     constexpr double LEAST_ERROR = 1e-10, AT_THE_START = 1e-6, AT_THE_END = 0.9;
-    // In units of time. Shorter for a finer path: else both might take the same steps, and agree on the same error.
-    const double longest_of_fastest = 0.5 * std::pow(tolerance, 0.1);
     const double by = CAUTION * std::pow(std::fmax(worst, LEAST_ERROR), -1 / order);
     if (worst <= 1 || h < shortest) {
       step_errors += worst * tolerance;
       const double relative = std::fmin(std::fmax(fastest, slow) / speed, 1);
-      const double longest = longest_of_fastest * std::pow(relative, (1 - exponent) / (1 + exponent));
-      h = std::fmin(h * std::fmin(LENGTHEN, std::fmax(SHORTEN, by)), longest);
+      const double most = longest * std::pow(relative, (1 - exponent) / (1 + exponent));
+      h = std::fmin(h * std::fmin(LENGTHEN, std::fmax(SHORTEN, by)), most);
       return true;
     }
     h *= turns > AT_THE_START && turns < AT_THE_END ? turns : std::fmax(SHORTEN, by);
