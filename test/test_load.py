@@ -535,10 +535,14 @@ def unspun(graph):
     return CollisionResponseNode(context=graph.context, namespace=graph.namespace)
 
 
-def test_what_is_not_read_before_the_end_is_refused(graph, monkeypatch):
+@pytest.mark.parametrize("is_read", [True, False])
+def test_what_is_not_answered_before_the_end_is_refused(graph, monkeypatch, is_read):
     monkeypatch.setattr(server, "DELIVERY_TIME", 0.0)
     node = unspun(graph)
     futures = [graph.call_async(make()) for make in (balls_meet, partial(falling, 1), partial(crowd, 2)) * 50]
+    if is_read:
+        counters = node._server._counters
+        wait_until(lambda: node._server._take_requests() == 0 and counters.requests == len(futures))
 
     def refuse():
         assert node._server.drain(DEADLINE, DEADLINE) == 0
@@ -546,10 +550,12 @@ def test_what_is_not_read_before_the_end_is_refused(graph, monkeypatch):
 
     wait_until(refuse)
     node.destroy_node()
-    for response in (future.result() for future in futures):
+    responses = [future.result() for future in futures]
+    for response in responses:
         status = response.result.status if hasattr(response, "result") else response
         assert not response.success
         assert (status.code, status.message) == (StatusCode.SHUTTING_DOWN, str(server.AT_SHUTDOWN))
+    assert len(set(map(str, responses))) == 3  # one for each service, which says nothing of the request
 
 
 @pytest.mark.parametrize("is_read", [True, False])

@@ -62,8 +62,8 @@ RECORDING_MEMORY = 250
 TIME_TO_END = 0.1
 """Time [s] in which a thread without work ends."""
 
-REFUSING_TIME = 0.3
-"""Computing time [s] in which the node can refuse 5000 requests at the end."""
+REFUSING_TIME = 1.0
+"""Computing time [s] in which a slow machine can refuse 5000 requests at the end."""
 
 CLOCK_JUMPS = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
 """Jumps of the clock after which the stamps of earlier states mean nothing any more."""
@@ -164,7 +164,7 @@ class CollisionResponseNode(DeclaringNode):
         start, limit = time.perf_counter(), self.parameters.values.shutdown_timeout
         faulthandler.dump_traceback_later(max(limit, MIN_SHUTDOWN_TIME), exit=True)
         try:
-            unanswered = self._server.drain(0.65 * limit, min(REFUSING_TIME, 0.1 * limit))
+            unanswered = self._server.drain(0.65 * limit, min(REFUSING_TIME, 0.2 * limit))
             if unanswered:
                 self.get_logger().warning(
                     f"at least {unanswered} requests have no answer; shutdown_timeout is {limit:g} s"

@@ -47,8 +47,8 @@ class Job:
 class RoundRobin:
     """The jobs of all clients. The clients take turns, and each client's jobs begin in order.
 
-    A job that waits lets the client's next jobs pass. One that needs what another thread computes keeps its
-    place, so the next jobs wait for it.
+    A job that waits lets the client's next jobs pass, and goes on behind them. One that needs what another
+    thread computes keeps its place, so the next jobs wait for it.
 
     ``over_budget`` returns the error with which to end a job that has used this much computing time [s], or
     ``None`` if it may go on. ``on_computed`` is called, by another thread, when that thread has computed what
@@ -114,8 +114,8 @@ class RoundRobin:
         latest = self._clock() if overdue_only else math.inf
         resumed = [(client, job) for client, job in self._waiting if job.deadline <= latest]
         self._waiting = [(client, job) for client, job in self._waiting if job.deadline > latest]
-        for client, job in reversed(resumed):
-            self._queues.setdefault(client, deque()).appendleft(job)
+        for client, job in resumed:
+            self.add(client, job)
 
     def drop(self, client: Hashable) -> int:
         """Drop all jobs of a client without an answer, and return how many there were."""

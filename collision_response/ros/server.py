@@ -12,7 +12,8 @@ import warnings
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
+from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import Any, NamedTuple, Protocol
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
@@ -90,12 +91,24 @@ class NodeService(Protocol):
         """Return the response that says why there is no answer."""
 
 
-class Endpoint(NamedTuple):
+@dataclass(frozen=True)
+class Endpoint:
     """A service of the node: what answers it, what rclpy knows of it, and its clients."""
 
     node_service: NodeService
     service: Service[Any, Any]
     clients: ConnectedClients
+
+    def refusal(self, request: Any, error: ImpactError) -> Any:
+        """Return the response that says why there is no answer: at shutdown the same for all requests."""
+        if error is AT_SHUTDOWN:
+            return self._refusal_at_shutdown
+        return self.node_service.refusal(request, error)
+
+    @cached_property
+    def _refusal_at_shutdown(self) -> Any:
+        """Made, published and recorded once: there may be thousands, and little time."""
+        return self.node_service.refusal(self.node_service.interface.Request(), AT_SHUTDOWN)
 
 
 class Call(NamedTuple):
@@ -208,19 +221,14 @@ class Server:
     def _refuse_unread(self, start: float, end: float) -> int:
         """Refuse the requests that wait, until a time [s], and return how many there were.
 
-        They are not read, which makes this seven times as fast, so each service has one refusal for all.
-        ``start`` is when the shutdown began [s].
+        They are not read, which takes longer than to refuse them. ``start`` is when the shutdown began [s].
         """
         number = 0
         for endpoint, waitable in zip(self._endpoints.values(), self._waitables, strict=True):
-            service, refusal = endpoint.node_service, None
             for header in waitable.take_unread(end):
                 number += 1
                 self._counters.requests += 1
-                refusal = refusal or service.refusal(service.interface.Request(), AT_SHUTDOWN)
-                call = Call(endpoint, client_id(header), None, header, start)
-                if not self._is_dropped(call):
-                    self._send(call, AT_SHUTDOWN.code, refusal)
+                self._refuse(Call(endpoint, client_id(header), None, header, start), AT_SHUTDOWN)
         return number
 
     def _take_requests(self) -> int:
@@ -275,7 +283,7 @@ class Server:
             return
         if error.code is StatusCode.BUDGET_EXCEEDED:
             self._log.warning(f"a request was refused: {error}", throttle_duration_sec=WARNING_INTERVAL)
-        self._send(call, error.code, call.endpoint.node_service.refusal(call.request, error))
+        self._send(call, error.code, call.endpoint.refusal(call.request, error))
 
     def _as_refusal(self, error: Exception) -> ImpactError:
         if isinstance(error, ImpactError):
