@@ -270,6 +270,14 @@ class TestReplay:
                 assert capsys.readouterr().err.startswith(f"collision_response {command}: ")
 
 
+@pytest.mark.parametrize("command", ["replay", "report"])
+def test_a_file_that_is_given_twice_is_refused(all_kinds, capsys, command):
+    same = all_kinds.with_name("link.rrd")
+    same.symlink_to(all_kinds)
+    assert main([command, str(all_kinds), str(same)]) == 2
+    assert capsys.readouterr() == ("", f"collision_response {command}: {same} is given twice\n")
+
+
 @pytest.mark.filterwarnings("error")
 def test_a_truncated_recording_is_refused_with_the_command_that_repairs_it(all_kinds, capsys):
     """Truncated within a chunk, and between two, where rerun reads what there is."""

@@ -167,11 +167,15 @@ def read(
     Raises:
         OSError, RuntimeError: if a file cannot be read.
         TypeError: if ``paths`` are no paths.
-        ValueError: if a file is not a recording of this node, or is not complete. The message names the file.
+        ValueError: if a file is not a recording of this node, is not complete, or is given twice. The message
+            names the file.
     """
-    tables = []
+    tables, opened = [], set()
     for path in [paths] if isinstance(paths, (str, Path)) else as_list("paths", paths):
         recording = open_complete(path)
+        if (file := Path(path).resolve()) in opened:
+            raise ValueError(f"{path} is given twice")
+        opened.add(file)
         chunks = chunks_of(recording, table)
         if not chunks and not chunks_of(recording, ALWAYS_PRESENT):
             raise _foreign(path, f"it has neither {table} nor {ALWAYS_PRESENT}")
