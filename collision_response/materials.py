@@ -267,6 +267,8 @@ def _name(field: str, name: Any) -> str:
         raise _malformed(
             field, "must have names that are text; quote names that YAML reads as another type", name
         )
+    if not name:
+        raise _malformed(field, "must have names; the empty name means no material", name)
     return name
 
 

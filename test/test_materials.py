@@ -344,6 +344,18 @@ def test_names_must_be_text_in_python_trees_too(name):
         Materials.of({"pairs": [{"materials": ["a", name]}]})
 
 
+@pytest.mark.parametrize(
+    ("field", "tree"),
+    [
+        ("materials", {"materials": {"": {}}}),
+        (r"pairs\[0\]\.materials", {"pairs": [{"materials": ["", "a"]}]}),
+    ],
+)
+def test_a_material_without_a_name_is_refused(field, tree):
+    with pytest.raises(ImpactError, match=rf"^{field}: must have names; the empty name means no material"):
+        Materials.of(tree)
+
+
 @pytest.mark.parametrize("value", ["false", "0", '""', "{}", "3", "text"])
 @pytest.mark.parametrize("field", ["pairs", "materials"])
 def test_empty_values_of_the_wrong_type_are_refused_by_field(write, field, value):
