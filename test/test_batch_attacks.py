@@ -20,7 +20,18 @@ from batch_cases import GEOMETRIES, batch_of, collision_at
 from exact import PlainCollision
 from exact_adapter import as_request
 
-from collision_response import Geometry, Impact, ImpactError, ImpactModel, Law, Precision, StatusCode, resolve
+from collision_response import (
+    Body,
+    Contact,
+    Geometry,
+    Impact,
+    ImpactError,
+    ImpactModel,
+    Law,
+    Precision,
+    StatusCode,
+    resolve,
+)
 from collision_response.batch import resolve_batch
 from collision_response.batch.rows import body_rows, contact_rows
 
@@ -234,3 +245,27 @@ def test_batch_models_with_other_number_types(geometry, field, kind):
         return
     for name, a, b in zip(plain._fields, plain, other, strict=True):
         np.testing.assert_array_equal(a, b, err_msg=name)
+
+
+THIRD = Fraction(1, 3)
+
+
+@pytest.mark.parametrize("precision", [Precision.AUTO, Precision.EXTENDED])
+@pytest.mark.parametrize(
+    ("fields", "friction", "velocity_a", "velocity_b"),
+    [
+        ({"restitution_threshold": THIRD}, 0.3, (0.0, 0.0, -1 / 3), (0.0, 0.0, 1e-18)),  # slower, by rounding
+        ({"tangential_restitution": -THIRD}, 1e16, (1e9, 0.0, -1e-6), (0.0, 0.0, 0.0)),
+    ],
+    ids=["restitution_threshold", "tangential_restitution"],
+)
+def test_the_rounding_of_a_model_counts_in_a_batch(fields, friction, velocity_a, velocity_b, precision):
+    bodies = [Body.dynamic(m, velocity=v) for m, v in ((1.0, velocity_a), (2.0, velocity_b))]
+    contact = Contact.of((0, 0, 0), (0, 0, 1), 0.5, friction)
+    model = ImpactModel(Law.COULOMB, Geometry.POINT, precision, tolerance=1e-9, **fields)
+    alone = resolve(*bodies, contact, model)
+    result = resolve_batch(
+        *batch_of([(*bodies, contact)], Geometry.POINT, oriented=False), model, report=True
+    )
+    assert differences_to_impact(Geometry.POINT, result, 0, alone) == []
+    assert (result.error_bound[0], result.precision[0]) == (alone.error_bound, alone.model.precision)

@@ -346,6 +346,21 @@ def test_two_bodies_have_a_joint_covariance():
     np.testing.assert_allclose(after.covariance, Xi @ S @ Xi.T, rtol=1e-9, atol=1e-18)
 
 
+@pytest.mark.parametrize("uncertain", range(12))
+def test_only_a_kink_along_an_uncertain_input_counts(uncertain):
+    """A corner that lands without slip, and slips then: slip of its own, however small, turns meanwhile."""
+    box = Body.box(1.0, (1.0, 0.5, 0.25), position=(-0.5, 0.25, 0.125), velocity=(0, 0, -1.0))
+    contact, model = Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.25), ImpactModel(Law.ROUTH_STRONGE)
+    S = np.zeros((12, 12))
+    S[uncertain, uncertain] = 1e-10
+    after = propagate_covariance(box, Body.static(), contact, model, S, corner_on_plane)
+    assert after.is_reliable == (uncertain not in (6, 7, 9, 10, 11))  # those that make slip
+    tilted = propagate_covariance(
+        box, Body.static(), contact, model, np.zeros((12, 12)), corner_on_plane, normal_sd=1e-5
+    )
+    assert not tilted.is_reliable
+
+
 @pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU, Law.ROUTH_POISSON, Law.ROUTH_STRONGE])
 def test_on_a_floor_every_law_is_reliable(law):
     """The ball slides, far from sticking."""

@@ -6,6 +6,7 @@ import itertools
 import math
 from fractions import Fraction as F
 
+import numpy as np
 import pytest
 from scene_cases import Scene, assert_within_bound, distance, row_of_balls, speeds
 
@@ -38,6 +39,20 @@ def test_a_decision_at_the_threshold_is_made_exactly():
     exact = scene.in_fractions().resolve(Law.FRICTIONLESS)
     assert_within_bound(scene, answer, exact)
     assert exact.decision_margin == 0
+
+
+@pytest.mark.parametrize(
+    "kind", [np.float32, np.float16, np.longdouble, np.array, F], ids=lambda k: k.__name__
+)
+def test_a_threshold_of_another_number_type_decides_exactly_too(kind):
+    plain = row_of_balls((1.0, 0.0, -0.25), number=float).resolve(
+        Law.FRICTIONLESS, options={"threshold": 0.25}
+    )
+    other = row_of_balls((1.0, 0.0, -0.25), number=float).resolve(
+        Law.FRICTIONLESS, options={"threshold": kind(0.25)}
+    )
+    assert plain.decision_margin == 0
+    assert other == plain
 
 
 def test_a_long_chain_is_within_the_budget():

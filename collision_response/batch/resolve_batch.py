@@ -197,6 +197,9 @@ def _refine(
             yield from resolve_one_by_one(request.select(columns), out, columns)
         return
     out.precision[:] = plan.first_precision
+    if any(plan.settings_errors):  # the kernels of batches do not count them
+        yield from resolve_one_by_one(request, out, np.arange(out.status.size))
+        return
     if worst_status <= StatusCode.SEPARATING and worst_bound <= plan.target_bound:
         return
     model = request.plan.model

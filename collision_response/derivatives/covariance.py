@@ -31,7 +31,6 @@ from ..physics.orientation import Quaternion
 from ..physics.vector import Vec3
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode
-from .differentiate import Smoothness
 from .saltation import (
     COEFFICIENTS,
     POSES,
@@ -133,29 +132,33 @@ def propagate_covariance(
     likely = [_behaviour(linearised.derivatives.impact, model)]
     likely += (_behaviour_at(linearised, change) for change in _likely_changes(linearised, root, deviations))
     regimes = tuple(dict.fromkeys(one.regime for one in likely))
-    is_reliable = _is_reliable(linearised, likely, contact, restitution_sd, friction_sd)
+    is_smooth = not linearised.derivatives.smoothness[_varying(linearised, root, deviations)].any()
+    is_reliable = is_smooth and _behave_alike(likely, contact, restitution_sd, friction_sd)
     return CovarianceAfter(after, regimes, is_reliable)
 
 
-def _is_reliable(
-    linearised: LinearisedImpact,
-    likely: Sequence[_Behaviour],
-    contact: Contact,
-    restitution_sd: float,
-    friction_sd: float,
+def _behave_alike(
+    likely: Sequence[_Behaviour], contact: Contact, restitution_sd: float, friction_sd: float
 ) -> bool:
-    """Whether all likely impacts behave alike, no jump is between them, and the derivatives are smooth."""
-    derivatives = linearised.derivatives
+    """Whether all likely impacts behave alike, and no jump is between them."""
     colliding = [one for one in likely if one.regime is not Regime.SEPARATING]
     has_friction = contact.friction > 0 or friction_sd > 0  # if not, a contact that sticks just does not slip
     may_stick = has_friction and len({one.slips for one in colliding}) > 1
     may_slide_back = has_friction and _slides_back(likely)
-    has_one_behaviour = len(colliding) in (0, len(likely)) and not may_stick and not may_slide_back
     may_jump = _has_jump(colliding, has_restitution=contact.restitution > 0 or restitution_sd > 0)
-    certain = [name for name, sd in zip(COEFFICIENTS, (restitution_sd, friction_sd), strict=True) if sd == 0]
-    used = [derivatives.smoothness[part] for name, part in derivatives.columns.items() if name not in certain]
-    is_smooth = all((smoothness == Smoothness.SMOOTH).all() for smoothness in used)
-    return has_one_behaviour and is_smooth and not may_jump
+    return len(colliding) in (0, len(likely)) and not (may_stick or may_slide_back or may_jump)
+
+
+def _varying(linearised: LinearisedImpact, root: Array, deviations: Sequence[float]) -> Array:
+    """Say which inputs of the impact vary, in the order of the columns of its derivatives."""
+    motion, n = linearised.motion, unit_normal(linearised.request[2])
+    restitution_sd, friction_sd, normal_sd = deviations
+    state = linearised.at_impact[:, linearised.movable] @ root
+    tilt = (np.eye(3) - np.outer(n, n)) * normal_sd
+    normal = np.hstack([motion.normal @ state[POSES], tilt])
+    point = np.hstack([motion.position @ state[POSES], motion.position_by_normal @ tilt])
+    inputs = (*state, *point, *normal, [restitution_sd], [friction_sd])
+    return np.array([np.any(changes) for changes in inputs])
 
 
 def _slides_back(likely: Sequence[_Behaviour]) -> bool:
@@ -190,7 +193,7 @@ def _square_root(covariance: Array | None, size: int) -> Array:
         raise ImpactError(
             StatusCode.INVALID_TABLE, "covariance", "must be symmetric and positive semi-definite"
         )
-    root: Array = scale[:, None] * axes * np.sqrt(np.maximum(values, 0.0))
+    root: Array = sd[:, None] * axes * np.sqrt(np.maximum(values, 0.0))
     return root
 
 

@@ -59,6 +59,8 @@ class LinearisedImpact(NamedTuple):
         matrix: the saltation matrix of both bodies, shape ``(24, 24)``.
         by_normal: derivative of the state after the impact by a change of the unit normal alone, shape
             ``(24, 3)``.
+        at_impact: the derivative of the state before the impact, at its time, by the state at the time of the
+            mean impact, shape ``(24, 24)``.
         motion: how the contact point and the normal move with the bodies.
         movable: indices, in the state of two bodies, that belong to movable bodies.
     """
@@ -67,6 +69,7 @@ class LinearisedImpact(NamedTuple):
     derivatives: Derivatives
     matrix: Array
     by_normal: Array
+    at_impact: Array
     motion: SurfaceMotion
     movable: list[int]
 
@@ -152,8 +155,9 @@ def linearise(
         )
     matrix = DR + np.outer(F_after - DR @ F_before, Dg) / u_n
     check_finite("matrix", matrix, "the bodies approach too slowly, or accelerate too much")
+    at_impact = np.eye(24) - np.outer(F_before, Dg) / u_n
     movable = [12 * side + i for side, body in enumerate(bodies) if body.is_movable() for i in range(12)]
-    return LinearisedImpact(request, derivatives, matrix, by_normal, motion, movable)
+    return LinearisedImpact(request, derivatives, matrix, by_normal, at_impact, motion, movable)
 
 
 def _differentiate_by_unit_normal(

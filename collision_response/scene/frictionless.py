@@ -34,6 +34,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import NamedTuple
 
+from ..in_python.request_numbers import as_fraction
 from ..kernels.protocol import REFLECTIONS
 from ..numbers.operations import Scalar
 from .rational_algebra import Numbers
@@ -73,7 +74,7 @@ def reflections(cluster: RationalCluster, threshold: Scalar) -> RationalImpulses
     digits = 0
     turns: list[Turn] = []
     for _ in range(REFLECTIONS):
-        violated, distance = cluster.violated(p, Fraction(threshold))
+        violated, distance = cluster.violated(p, as_fraction(threshold))
         margin = min(margin, distance)
         if not violated:
             break

@@ -71,7 +71,13 @@ def _of_cluster(
         if answer is None:
             return math.inf
         answers.append(answer)
-    return max(relative_distance(bodies, one, other) for one in answers for other in answers)
+    touched = [bodies[i] for i in _touched(pairs, cluster)]
+    return max(relative_distance(touched, one, other) for one in answers for other in answers)
+
+
+def _touched(pairs: Sequence[Pair], contacts: Iterable[int]) -> list[int]:
+    """The bodies that take part in some contacts, in their order."""
+    return sorted({body for i in contacts for body in pairs[i]})
 
 
 def relative_distance(bodies: Sequence[Body], changes: Sequence[Twist], reference: Sequence[Twist]) -> float:
@@ -96,14 +102,15 @@ def resolve_sequentially(
     model: ImpactModel,
     order: Sequence[int],
 ) -> list[Twist] | None:
-    """Return the change of each body's twist if contacts are resolved one by one until none approaches.
+    """Return how the twists of bodies change if contacts are resolved one by one until none approaches.
 
-    None if that takes more than ``SWEEPS`` passes.
+    The bodies are those of the contacts in ``order``. None if that takes more than ``SWEEPS`` passes.
 
     Raises:
         ImpactError: if an impact on the way has no answer; its field is named as in the scene.
     """
-    moved = [Body(*body) for body in bodies]  # resolve() refuses one object as both bodies
+    # Copies, because resolve() refuses one object as both bodies.
+    moved = {i: Body(*bodies[i]) for i in _touched(pairs, order)}
     fastest = 0.0
     for _ in range(SWEEPS):
         any_approaches = False
@@ -125,6 +132,6 @@ def resolve_sequentially(
                     Vec3(*after.velocity) - Vec3(*before.velocity),
                     Vec3(*after.angular_velocity) - Vec3(*before.angular_velocity),
                 )
-                for before, after in zip(bodies, moved, strict=True)
+                for before, after in ((bodies[i], after) for i, after in moved.items())
             ]
     return None
