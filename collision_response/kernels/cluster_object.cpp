@@ -89,9 +89,9 @@ PyObject* resolve_by_law(PyObject* self, PyObject* args) {
 PyObject* approaches_below(PyObject* self, PyObject* given) {
   const double threshold = PyFloat_AsDouble(given);
   if (PyErr_Occurred()) return nullptr;
-  const auto& contacts = assembly_of(self).contacts;
-  return listed(contacts.size(), [&](size_t i) {
-    const std::optional<bool> is_below = contacts[i].approaches_below(threshold);
+  const Assembly& assembly = assembly_of(self);
+  return listed(assembly.contacts.size(), [&](size_t i) {
+    const std::optional<bool> is_below = assembly.approaches_below(assembly.contacts[i], threshold);
     return is_below ? PyBool_FromLong(*is_below) : Py_NewRef(Py_None);
   });
 }

@@ -2,6 +2,7 @@
 #include "resolve.hpp"
 
 #include "check.hpp"
+#include "exact_normal_velocity.hpp"
 #include "module.hpp"
 #include "read_request.hpp"
 #include "suitable_units.hpp"
@@ -59,7 +60,7 @@ bool find_geometry(const Plan& plan, OneImpact& impact) {
 
 // Compute the result in the first precision of the plan, then in the next ones, until its error bound is low enough.
 // Return whether there is a kernel; if not, a Python error is set.
-bool compute_result(const Plan& plan, const double* error, OneImpact& impact) {
+bool climb(const Plan& plan, const double* input, const double* error, OneImpact& impact) {
   ImpactResult& result = impact.result;
   const KernelEntry<ImpactKernel>* last = nullptr;
   for (int precision = plan.first_precision; precision <= plan.last_precision; ++precision) {
@@ -70,13 +71,61 @@ bool compute_result(const Plan& plan, const double* error, OneImpact& impact) {
     }
     if (next == last) break;  // the law has one kernel for all precisions
     ImpactResult more_exact;
-    compute_in_suitable_units(next->kernel, impact.is_articulated, next->number == PRECISION_SINGLE, impact.input,
-                              error, last ? more_exact : result);
+    compute_in_suitable_units(next->kernel, impact.is_articulated, next->number == PRECISION_SINGLE, input, error,
+                              last ? more_exact : result);
     if (!last || all_finite(more_exact)) impact.precision = next->number;
     if (last && all_finite(more_exact)) result = more_exact;  // pairs of float64 overflow before float64 does
     if (result.error_bound <= plan.target_bound) break;
     last = next;
   }
+  return true;
+}
+
+// Make a result that leaves open whether the bodies approach that of bodies that do not, with this normal velocity.
+void set_separating(double normal_velocity, OneImpact& impact) {
+  ImpactResult& result = impact.result;
+  double* reported = result.reported;
+  for (int side = 0; side < 2; ++side)
+    std::copy_n(impact.input + side * BODY + BODY_VELOCITY_X, 6, reported + 6 * side);
+  std::fill_n(result.change, CHANGES, 0.0);
+  std::fill_n(result.error, CHANGES, 0.0);
+  reported[OUT_NORMAL_IMPULSE] = reported[OUT_TANGENTIAL_IMPULSE] = 0;
+  reported[OUT_NORMAL_VELOCITY_BEFORE] = reported[OUT_NORMAL_VELOCITY_AFTER] = normal_velocity;
+  reported[OUT_KINETIC_ENERGY_AFTER] = reported[OUT_KINETIC_ENERGY_BEFORE];
+  reported[OUT_ENERGY_LOST_RESTITUTION] = reported[OUT_ENERGY_LOST_FRICTION] = 0;
+  reported[OUT_RESTITUTION] = impact.input[IN_CONTACT + CONTACT_RESTITUTION];
+  reported[OUT_REGIME] = REGIME_SEPARATING;
+  std::fill_n(result.flags, FLAGS, false);
+  result.flags[FLAG_SEPARATING] = true;
+  result.error_bound = 0;
+  impact.precision = PRECISION_EXTENDED;
+}
+
+// Compute the result. Where double-doubles leave open whether the bodies approach, or whether they do so below the
+// threshold, decide that without rounding. False if a Python error is set.
+bool compute_result(const Plan& plan, const double* error, OneImpact& impact) {
+  if (!climb(plan, impact.input, error, impact)) return false;
+  const bool is_open = !(impact.result.error_bound <= plan.target_bound) && plan.last_precision == PRECISION_EXTENDED;
+  const bool has_errors = std::any_of(error, error + INPUTS, [](double e) { return e != 0; });
+  if (!is_open || has_errors || impact.is_articulated || !all_finite(impact.result)) return true;
+  double input[INPUTS];
+  std::copy_n(impact.input, INPUTS, input);
+  const double* normal = input + IN_CONTACT + CONTACT_NORMAL_X;
+  const auto n_u = exact_normal_velocity(input, input + BODY, input + IN_CONTACT + CONTACT_POSITION_X, normal);
+  if (!n_u) return true;
+  if (!(n_u->sign() < 0)) {
+    set_separating(n_u->rounded().h / std::hypot(normal[0], normal[1], normal[2]), impact);
+    return true;
+  }
+  double& threshold = input[IN_MODEL + MODEL_RESTITUTION_THRESHOLD];
+  double& restitution = input[IN_CONTACT + CONTACT_RESTITUTION];
+  if (!(threshold > 0 && restitution > 0)) return true;
+  const std::optional<bool> is_below = approach_below(*n_u, normal, threshold);
+  if (!is_below) return true;
+  threshold = 0;
+  if (*is_below) restitution = 0;
+  if (!climb(plan, input, error, impact)) return false;
+  impact.result.flags[FLAG_BELOW_THRESHOLD] = *is_below;
   return true;
 }
 

@@ -166,14 +166,6 @@ struct AssembledContact {
   N velocity;  // normal velocity before the impact, times the length of the normal
   std::array<ContactAxis<double>, 3> axes;  // along the unit normal and two tangents
 
-  // Whether the contact approaches, slower than a threshold [m/s]; unknown if the errors of both leave it open.
-  std::optional<bool> approaches_below(double threshold) const {
-    const double speed = -axes[0].velocity;
-    if (!(speed > 0)) return false;
-    if (!(std::fabs(speed - threshold) > threshold * 0x1p-50 + width(velocity) / length)) return {};
-    return speed < threshold;
-  }
-
   double unit() const { return scale * length; }  // 1 / sqrt(n.K n) of the unit normal
 
   // The unit normal and two tangents.

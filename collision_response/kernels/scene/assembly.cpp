@@ -1,6 +1,10 @@
 // How a cluster is assembled, and what impulses do to it.
 #include "assembly.hpp"
 
+#include "../exact_normal_velocity.hpp"
+
+static bool is_sign_known(const N& x) { return x.error == 0 || std::fabs(high(x)) > width(x); }
+
 void Assembly::add(const AssembledBody& a, const AssembledBody& b, const double* given, double copies) {
   AssembledContact contact{{a.place, b.place}, {-1, -1}};
   const int exponent = exponent_of(given + CONTACT_NORMAL_X, 3);
@@ -23,6 +27,9 @@ void Assembly::add(const AssembledBody& a, const AssembledBody& b, const double*
     has_moving_wall = true;
   }
   set_columns(contact);
+  if (!is_sign_known(contact.velocity))
+    if (const auto n_u = exact_normal_velocity(a.x, b.x, contact.point, contact.normal))
+      contact.velocity = {n_u->rounded(), std::fabs(n_u->sign()) * 0x1p-100};
   contact.axes = axes_of<double>(contact);
   contact.axes[0].velocity = high(contact.velocity) / contact.length;
   contacts.push_back(contact);
@@ -66,6 +73,18 @@ bool Assembly::surely_separates() const {
 bool Assembly::approach_is_uncertain() const {
   auto approaches = [](const AssembledContact& contact) { return high(contact.velocity) < 0; };
   return std::none_of(contacts.begin(), contacts.end(), approaches) && !surely_separates();
+}
+
+std::optional<bool> Assembly::approaches_below(const AssembledContact& contact, double threshold) const {
+  const double speed = -contact.axes[0].velocity;
+  if (!(speed > 0)) return false;
+  if (std::fabs(speed - threshold) > threshold * 0x1p-50 + width(contact.velocity) / contact.length)
+    return speed < threshold;
+  const double resting[BODY] = {INFINITY};
+  auto numbers_of = [&](int side) { return body_of(contact, side) ? body_of(contact, side)->x : resting; };
+  const auto n_u = exact_normal_velocity(numbers_of(0), numbers_of(1), contact.point, contact.normal);
+  if (!n_u) return {};
+  return approach_below(*n_u, contact.normal, threshold);
 }
 
 template <class R>

@@ -1,0 +1,112 @@
+// The normal velocity of two bodies at a contact without rounding. No number of digits shows that bodies do not approach
+// at all, or just as fast as the restitution threshold.
+//
+// Source of the sums: Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates",
+// Discrete & Computational Geometry 18 (1997), section 2.
+#pragma once
+#include <cmath>
+#include <optional>
+#include <vector>
+
+#include "constants.hpp"
+#include "numbers.hpp"
+
+// A sum of products of doubles. It is exact, unless a product leaves the range in which its rounding is a double.
+class ExactSum {
+ public:
+  using DD = DoubleDouble<double>;
+
+  // Not 0, in the order of their size, and no two have bits of the same weight: so the last one has the sign of the sum.
+  const std::vector<double>& parts() const { return parts_; }
+  bool is_exact() const { return is_exact_ && std::isfinite(sign()); }
+  double sign() const { return parts_.empty() ? 0 : parts_.back(); }
+  DD rounded() const {
+    DD sum{0, 0};
+    for (double part : parts_) sum = sum + DD{part, 0};
+    return sum;
+  }
+
+  void add(double x) {
+    if (x == 0) return;
+    size_t kept = 0;
+    for (double part : parts_) {
+      const DD sum = exact_sum(x, part);
+      if (sum.l != 0) parts_[kept++] = sum.l;
+      x = sum.h;
+    }
+    parts_.resize(kept);
+    if (x != 0) parts_.push_back(x);
+  }
+  void add_product(double a, double b) {
+    const DD p = product(a, b);
+    add(p.l);
+    add(p.h);
+  }
+  void add_product(double a, double b, double c) {
+    const DD p = product(a, b);
+    add_product(p.l, c);
+    add_product(p.h, c);
+  }
+
+ private:
+  static constexpr double LEAST_PRODUCT = 0x1p-960;  // the rounding of a smaller one may underflow
+
+  DD product(double a, double b) {
+    const DD p = exact_product(a, b);
+    if (a != 0 && b != 0 && !(std::fabs(p.h) >= LEAST_PRODUCT)) is_exact_ = false;
+    return p;
+  }
+
+  std::vector<double> parts_;
+  bool is_exact_ = true;
+};
+
+// Whether all of the spin of a body counts, because it surely has inertia about every axis, or does not turn.
+inline bool has_whole_spin(const double* body) {
+  const double *spin = body + BODY_ANGULAR_VELOCITY_X, xx = body[BODY_INERTIA_XX], yy = body[BODY_INERTIA_YY],
+               zz = body[BODY_INERTIA_ZZ], xy = std::fabs(body[BODY_INERTIA_XY]), xz = std::fabs(body[BODY_INERTIA_XZ]),
+               yz = std::fabs(body[BODY_INERTIA_YZ]);
+  if ((spin[0] == 0 && spin[1] == 0 && spin[2] == 0) || !(body[BODY_MASS] < INFINITY)) return true;
+  const double least = std::fmin(xx - xy - xz, std::fmin(yy - xy - yz, zz - xz - yz));  // <= the least eigenvalue
+  return least > 0x1p-20 * (xx + yy + zz);
+}
+
+// n.u = n.(v_a - v_b) + n.(w_a x d_a - w_b x d_b) of rigid bodies, with d = point - position. Nothing if doubles cannot
+// hold it, or a body may turn about an axis without inertia.
+inline std::optional<ExactSum> exact_normal_velocity(const double* body_a, const double* body_b, const double* point,
+                                                     const double* normal) {
+  ExactSum n_u;
+  for (const double* body : {body_a, body_b}) {
+    if (!has_whole_spin(body)) return {};
+    const double *v = body + BODY_VELOCITY_X, *w = body + BODY_ANGULAR_VELOCITY_X, *position = body + BODY_POSITION_X;
+    for (int k = 0; k < 3; ++k) {
+      const int i = (k + 1) % 3, j = (k + 2) % 3;
+      const double n = body == body_a ? normal[k] : -normal[k];
+      n_u.add_product(n, v[k]);
+      n_u.add_product(n, w[i], point[j]);
+      n_u.add_product(-n, w[i], position[j]);
+      n_u.add_product(-n, w[j], point[i]);
+      n_u.add_product(n, w[j], position[i]);
+    }
+  }
+  if (!n_u.is_exact()) return {};
+  return n_u;
+}
+
+// Whether bodies with this n.u approach more slowly than a threshold: n.u < 0 and (n.u)^2 < threshold^2 n.n. Nothing if
+// doubles cannot hold the squares.
+inline std::optional<bool> approach_below(const ExactSum& n_u, const double* normal, double threshold) {
+  if (!(n_u.sign() < 0)) return false;
+  ExactSum excess;
+  for (double a : n_u.parts())
+    for (double b : n_u.parts()) excess.add_product(a, b);
+  for (int k = 0; k < 3; ++k) {
+    ExactSum limit;
+    limit.add_product(threshold, normal[k]);
+    if (!limit.is_exact()) return {};
+    for (double a : limit.parts())
+      for (double b : limit.parts()) excess.add_product(-a, b);
+  }
+  if (!excess.is_exact()) return {};
+  return excess.sign() < 0;
+}

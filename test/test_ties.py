@@ -1,0 +1,308 @@
+"""Contacts that just do not approach, or just at the restitution threshold: no number of digits tells."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Sequence
+from fractions import Fraction
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from scene_cases import Scene, assert_within_bound
+
+from collision_response import (
+    Adjustment,
+    Body,
+    Contact,
+    Geometry,
+    Impact,
+    ImpactModel,
+    Law,
+    Precision,
+    Regime,
+    StatusCode,
+    resolve,
+)
+from collision_response.batch import body_rows, contact_rows, resolve_batch
+from collision_response.scene.resolve_scene import resolve_without_python
+
+MODULE = sys.modules["collision_response.resolve"]
+
+LAWS = [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_POISSON, Law.ROUTH_STRONGE]
+
+
+class Tie(NamedTuple):
+    """A body that meets body_b at a contact, and a restitution threshold [m/s]."""
+
+    body: Body
+    contact: Contact
+    threshold: float = 0.0
+    body_b: Body = Body.static()
+
+    def normal_velocity(self) -> Fraction:
+        """Velocity of body_a relative to body_b along the normal, times the length of the normal."""
+        n = [Fraction(x) for x in self.contact.normal]
+        signs = (1, self.body), (-1, self.body_b)
+        return sum((sign * _dot(n, _velocity(body, self.contact)) for sign, body in signs), Fraction(0))
+
+    def approaches(self) -> bool:
+        return self.normal_velocity() < 0
+
+    def is_below(self) -> bool:
+        n = [Fraction(x) for x in self.contact.normal]
+        limit = Fraction(self.threshold) ** 2 * _dot(n, n)
+        return self.approaches() and self.normal_velocity() ** 2 < limit
+
+    def resolve(self, law: Law, **model: object) -> Impact:
+        given = ImpactModel(law, restitution_threshold=self.threshold)._replace(**model)
+        return resolve(self.body, self.body_b, self.contact, given)
+
+
+def _dot(x: Sequence[Fraction], y: Sequence[Fraction]) -> Fraction:
+    return sum((a * b for a, b in zip(x, y, strict=True)), Fraction(0))
+
+
+def _velocity(body: Body, contact: Contact) -> list[Fraction]:
+    d = [Fraction(p) - Fraction(x) for p, x in zip(contact.position, body.position, strict=True)]
+    x, y, z = (Fraction(w) for w in body.angular_velocity)
+    turned = y * d[2] - z * d[1], z * d[0] - x * d[2], x * d[1] - y * d[0]
+    return [Fraction(v) + t for v, t in zip(body.velocity, turned, strict=True)]
+
+
+def body_at(velocity, spin=(0.0, 0.0, 0.0), position=(0.0, 0.0, 0.0), turned=False) -> Body:
+    inertia = (0.5, 0.0, 0.0, 0.75, 0.0, 1.0)
+    return Body.dynamic(1.5, inertia, position, (0.5, 0.5, 0.5, 0.5) if turned else None, velocity, spin)
+
+
+def contact_along(normal, point=(0.0, 0.0, 0.0)) -> Contact:
+    return Contact.of(point, normal, 0.5, 0.25)
+
+
+def scaled(tie: Tie, speed: float, length: float) -> Tie:
+    """The tie in other units: powers of two, so nothing is rounded."""
+    body, position = tie.body, [x * length for x in tie.body.position]
+    inertia = body.inertia._replace(**{k: x * length**2 for k, x in body.inertia._asdict().items()})
+    spin = [w * speed / length for w in body.angular_velocity]
+    moved = Body.dynamic(
+        body.mass, inertia, position, body.orientation, [v * speed for v in body.velocity], spin
+    )
+    point = tuple(p * length for p in tie.contact.position)
+    contact = contact_along(tie.contact.normal, point)
+    return tie._replace(body=moved, contact=contact, threshold=tie.threshold * speed)
+
+
+GRAZING = {
+    "slope": Tie(body_at((2.0, 0.0, -1.0)), contact_along((1.0, 0.0, 2.0))),
+    "decimals": Tie(body_at((0.3, 0.0, -0.1), turned=True), contact_along((0.1, 0.0, 0.3))),
+    "three axes": Tie(body_at((2.0, 3.0, -8.0)), contact_along((1.0, 2.0, 1.0))),
+    "rolling": Tie(
+        body_at((2.0, 0.0, -1.0), (0.0, 3.0, 0.0), (1.0, 0.0, 2.0)), contact_along((1.0, 0.0, 2.0))
+    ),
+    "turning": Tie(
+        body_at((4.0, -2.0, 1.0), (1.0, 2.0, 3.0), (1.0, 1.0, 1.0), turned=True),
+        contact_along((3.0, 1.0, 2.0), (2.0, 4.0, 3.0)),
+    ),
+    "both move": Tie(
+        body_at((0.1, 0.7, 0.2)), contact_along((3.0, 7.0, 5.0)), body_b=body_at((0.1, 0.7, 0.2))
+    ),
+    "with a moving floor": Tie(
+        body_at((0.25, 0.0, -0.5)),
+        contact_along((1.0, 0.0, 3.0)),
+        body_b=Body.kinematic(velocity=(1.0, 0.0, -0.75)),
+    ),
+}
+AT_THRESHOLD = {
+    "after a time step": Tie(body_at((1.0, 0.0, -9.81e-3)), contact_along((0.0, 0.0, 1.0)), 9.81e-3),
+    "a long normal": Tie(body_at((0.5, 0.0, -1 / 3)), contact_along((0.0, 0.0, 3.0)), 1 / 3),
+    "3, 4, 5": Tie(body_at((-3.0, -4.0, 1.0)), contact_along((3.0, 4.0, 0.0)), 5.0),
+    "2, 3, 6": Tie(body_at((-1.0, -1.5, -3.0), turned=True), contact_along((2.0, 3.0, 6.0)), 3.5),
+    "turning": Tie(
+        body_at((0.0, 0.0, 1.0), (0.0, 2.0, 0.0)), contact_along((0.0, 0.0, 1.0), (1.0, 0.0, -0.5)), 1.0
+    ),
+    "both move": Tie(
+        body_at((0.1, 0.0, -0.75)), contact_along((0.0, 0.0, 0.3)), 0.5, body_b=body_at((0.0, 0.0, -0.25))
+    ),
+}
+UNITS = [(1.0, 1.0), (2.0**30, 1.0), (2.0**-150, 2.0**40), (2.0**150, 2.0**-40)]
+
+
+def next_to(tie: Tie) -> list[Tie]:
+    """The tie, and with each number of the velocity, and the threshold, one place less or more."""
+    ties = [tie]
+    for i, to in product(range(3), (-math.inf, math.inf)):
+        velocity = [*tie.body.velocity]
+        velocity[i] = math.nextafter(velocity[i], to)
+        ties.append(tie._replace(body=tie.body._replace(velocity=type(tie.body.velocity)(*velocity))))
+    if tie.threshold:
+        ties += [tie._replace(threshold=math.nextafter(tie.threshold, to)) for to in (0.0, math.inf)]
+    return ties
+
+
+@pytest.fixture
+def only_kernels(monkeypatch):
+    """Where Python has to answer, an impact takes a thousand times as long."""
+
+    def refuse(*request):
+        pytest.fail("the kernels left the decision to Python")
+
+    monkeypatch.setattr(MODULE, "_resolve_in_python", refuse)
+
+
+def assert_unchanged(tie: Tie, impact: Impact) -> None:
+    assert (impact.status, impact.regime) == (StatusCode.SEPARATING, Regime.SEPARATING)
+    assert (impact.error_bound, impact.adjustments) == (0.0, Adjustment.NONE)
+    assert impact.impulse == (0.0, 0.0, 0.0)
+    assert impact.twist_a == (tie.body.velocity, tie.body.angular_velocity)
+    assert impact.twist_b == (tie.body_b.velocity, tie.body_b.angular_velocity)
+    assert impact.change_a == impact.change_b == ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    length = math.hypot(*tie.contact.normal)
+    expected = float(tie.normal_velocity()) / length
+    assert impact.normal_velocity_before == pytest.approx(expected, rel=1e-14, abs=0.0)
+    assert impact.energy_lost_restitution == impact.energy_lost_friction == 0.0
+    assert impact.kinetic_energy_before == impact.kinetic_energy_after
+    assert impact.contact == tie.contact._replace(friction=impact.contact.friction)
+
+
+@pytest.mark.parametrize("units", UNITS, ids=str)
+@pytest.mark.parametrize("name", GRAZING)
+@pytest.mark.parametrize("law", LAWS)
+def test_bodies_that_just_do_not_approach_are_left_alone(only_kernels, law, name, units):
+    tie = scaled(GRAZING[name], *units) if GRAZING[name].body_b == Body.static() else GRAZING[name]
+    assert tie.normal_velocity() == 0
+    assert_unchanged(tie, tie.resolve(law))
+    assert_unchanged(tie, tie.resolve(law, tolerance=1e-9))
+
+
+@pytest.mark.parametrize("name", GRAZING)
+@pytest.mark.parametrize("law", LAWS)
+def test_next_to_a_tie_the_side_is_right(law, name):
+    for tie in next_to(GRAZING[name]):
+        impact = tie.resolve(law, precision=Precision.EXTENDED)
+        assert (impact.status is not StatusCode.SEPARATING) == tie.approaches()
+        if not tie.approaches():
+            assert impact.impulse == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("units", UNITS, ids=str)
+@pytest.mark.parametrize("name", AT_THRESHOLD)
+@pytest.mark.parametrize("law", LAWS)
+def test_an_approach_just_at_the_threshold_rebounds(only_kernels, law, name, units):
+    tie = (
+        scaled(AT_THRESHOLD[name], *units)
+        if AT_THRESHOLD[name].body_b == Body.static()
+        else AT_THRESHOLD[name]
+    )
+    assert tie.approaches() and not tie.is_below()
+    impact, free = tie.resolve(law), tie._replace(threshold=0.0).resolve(law)
+    assert impact == free._replace(model=impact.model)
+    assert impact.model.restitution_threshold == tie.threshold
+
+
+@pytest.mark.parametrize("name", AT_THRESHOLD)
+@pytest.mark.parametrize("law", LAWS)
+def test_next_to_the_threshold_the_restitution_is_right(only_kernels, law, name):
+    found = set()
+    for tie in next_to(AT_THRESHOLD[name]):
+        impact = tie.resolve(law)
+        below = Adjustment.RESTITUTION_THRESHOLD in impact.adjustments
+        assert below == tie.is_below()
+        contact = tie.contact._replace(restitution=0.0) if below else tie.contact
+        free = tie._replace(threshold=0.0, contact=contact).resolve(law)
+        bound = (impact.error_bound + free.error_bound) * math.hypot(*free.impulse)
+        assert math.dist(impact.impulse, free.impulse) <= bound
+        found.add(below)
+    assert found == {True, False}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_tie_whose_squares_underflow_is_decided_too(law):
+    """Doubles cannot hold the squares of these speeds, so fractions compare them."""
+    tie = scaled(AT_THRESHOLD["3, 4, 5"], 2.0**-600, 1.0)
+    for one in next_to(tie):
+        impact = one.resolve(law)
+        assert (Adjustment.RESTITUTION_THRESHOLD in impact.adjustments) == one.is_below()
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_tie_of_a_body_that_turns_about_an_axis_without_inertia(law):
+    """Only its other spin counts, so the bodies do not approach, though the material at the contact does."""
+    rod = Body.dynamic(1.0, (1.0, 0.0, 0.0, 1.0, 0.0, 0.0), (0.1, 0.0, 0.0), None, (2, 0, -1), (0, 0, 7.0))
+    tie = Tie(rod, contact_along((1.0, 1.0, 2.0), (0.0, 0.0, 0.0)))
+    assert tie.approaches()
+    impact = tie.resolve(law)
+    assert impact.status is StatusCode.SEPARATING
+    assert Adjustment.MASSLESS_SPIN in impact.adjustments
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+def test_rows_of_a_batch_that_tie_are_as_alone(law):
+    ties = [*GRAZING.values(), *AT_THRESHOLD.values()]
+    ties = [tie for tie in ties if tie.body.orientation is None and tie.threshold in (0.0, 9.81e-3)]
+    rows, contact_row = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
+    bodies, contacts = np.zeros((rows.height, 2, len(ties))), np.zeros((contact_row.height, len(ties)))
+    for k, tie in enumerate(ties):
+        for side, body in enumerate((tie.body, tie.body_b)):
+            bodies[rows.mass, side, k], bodies[rows.inertia, side, k] = body.mass, body.inertia
+            bodies[rows.position, side, k], bodies[rows.velocity, side, k] = body.position, body.velocity
+            bodies[rows.angular_velocity, side, k] = body.angular_velocity
+        contacts[contact_row.position, k], contacts[contact_row.normal, k] = tie.contact[:2]
+        contacts[contact_row.restitution, k], contacts[contact_row.friction, k] = tie.contact[2:4]
+    model = ImpactModel(law, Geometry.SPATIAL, tolerance=1e-9, restitution_threshold=9.81e-3)
+    result = resolve_batch(bodies, contacts, model)
+    for k, tie in enumerate(ties):
+        alone = resolve(tie.body, tie.body_b, tie.contact, model)
+        assert result.status[k] == alone.status
+        assert result.impulse[:, k].tolist() == [*alone.impulse]
+        assert result.error_bound[k] == alone.error_bound
+
+
+def on_corners(velocity, normal, corners) -> Scene:
+    body = body_at(velocity, position=normal)
+    contacts = [contact_along(normal, corner) for corner in corners]
+    return Scene([body, Body.static()], [(0, 1)] * len(contacts), contacts)
+
+
+FLAT = on_corners(
+    (0.0, 0.0, -9.81e-3), (0.0, 0.0, 1.0), [(x, y, 0.0) for x in (-1.0, 1.0) for y in (-1.0, 1.0)]
+)
+SLOPE = on_corners((2.0, 0.0, -1.0), (1.0, 0.0, 2.0), [(0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-2.0, 0.0, 1.0)])
+
+
+@pytest.mark.parametrize("threshold", [9.81e-3, math.nextafter(9.81e-3, 0), math.nextafter(9.81e-3, 1)])
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
+def test_kernels_decide_whether_a_scene_is_at_the_threshold(law, threshold):
+    answer = resolve_without_python(*FLAT, ImpactModel(law, restitution_threshold=threshold))
+    assert answer is not None
+    assert (Adjustment.RESTITUTION_THRESHOLD in answer.adjustments) == (threshold > 9.81e-3)
+    restitution = 0.0 if threshold > 9.81e-3 else 0.5
+    free = FLAT.with_contacts(restitution=restitution).resolve(law)
+    assert answer.twists == free.twists
+    assert answer.impulses == free.impulses
+
+
+@pytest.mark.parametrize("scene", [SLOPE, on_corners((2.0, 0.0, -1.0), (1.0, 0.0, 2.0), [(0.0, 0.0, 0.0)])])
+@pytest.mark.parametrize("law", [*LAWS[:3], Law.ROUTH_STRONGE])
+def test_kernels_leave_a_scene_alone_that_just_slides(law, scene):
+    answer = resolve_without_python(*scene, ImpactModel(law))
+    assert answer is not None
+    assert (answer.status, answer.error_bound) == (StatusCode.SEPARATING, 0.0)
+    assert answer.twists[0] == (scene.bodies[0].velocity, scene.bodies[0].angular_velocity)
+    assert answer.normal_velocities_before == (0.0,) * len(scene.contacts)
+
+
+@pytest.mark.parametrize("place", [0, 1])
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB])
+def test_next_to_a_contact_that_just_slides_another_is_hit(law, place):
+    """The block slides along one slope and meets another one."""
+    slope = contact_along((1.0, 0.0, 2.0))
+    wall = contact_along((-1.0, 0.0, 1.0), (1.0, 0.0, 0.5))
+    contacts = [slope, wall] if place else [wall, slope]
+    scene = Scene([SLOPE.bodies[0], Body.static()], [(0, 1)] * 2, contacts)
+    answer = scene.resolve(law)
+    assert answer.status is StatusCode.OK
+    assert answer.normal_velocities_before[1 - place] == 0.0
+    if law is Law.FRICTIONLESS:
+        assert_within_bound(scene, answer, scene.in_fractions().resolve(law))
