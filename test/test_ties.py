@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from batch_cases import batch_of
 from scene_cases import Scene, assert_within_bound
 
 from collision_response import (
@@ -26,7 +27,8 @@ from collision_response import (
     StatusCode,
     resolve,
 )
-from collision_response.batch import body_rows, contact_rows, resolve_batch
+from collision_response.batch import one_by_one, resolve_batch
+from collision_response.batch.result import REPORT
 from collision_response.scene.resolve_scene import resolve_without_python
 
 MODULE = sys.modules["collision_response.resolve"]
@@ -237,26 +239,32 @@ def test_a_tie_of_a_body_that_turns_about_an_axis_without_inertia(law):
     assert Adjustment.MASSLESS_SPIN in impact.adjustments
 
 
-@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU])
-def test_rows_of_a_batch_that_tie_are_as_alone(law):
-    ties = [*GRAZING.values(), *AT_THRESHOLD.values()]
-    ties = [tie for tie in ties if tie.body.orientation is None and tie.threshold in (0.0, 9.81e-3)]
-    rows, contact_row = body_rows(Geometry.SPATIAL), contact_rows(Geometry.SPATIAL)
-    bodies, contacts = np.zeros((rows.height, 2, len(ties))), np.zeros((contact_row.height, len(ties)))
-    for k, tie in enumerate(ties):
-        for side, body in enumerate((tie.body, tie.body_b)):
-            bodies[rows.mass, side, k], bodies[rows.inertia, side, k] = body.mass, body.inertia
-            bodies[rows.position, side, k], bodies[rows.velocity, side, k] = body.position, body.velocity
-            bodies[rows.angular_velocity, side, k] = body.angular_velocity
-        contacts[contact_row.position, k], contacts[contact_row.normal, k] = tie.contact[:2]
-        contacts[contact_row.restitution, k], contacts[contact_row.friction, k] = tie.contact[2:4]
-    model = ImpactModel(law, Geometry.SPATIAL, tolerance=1e-9, restitution_threshold=9.81e-3)
-    result = resolve_batch(bodies, contacts, model)
-    for k, tie in enumerate(ties):
-        alone = resolve(tie.body, tie.body_b, tie.contact, model)
+SLOW = Tie(body_at((0.0, 2.0**-560, -(2.0**-560))), contact_along((0.0, 0.0, 1.0)))
+"""No tie, but a row that batches cannot compute in the units of its numbers."""
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 1e-9])
+@pytest.mark.parametrize("law", LAWS)
+def test_rows_of_a_batch_that_tie_are_as_alone(monkeypatch, law, tolerance):
+    ties = [tie for tie in (*GRAZING.values(), *AT_THRESHOLD.values(), SLOW) if tie.body.orientation is None]
+    model = ImpactModel(law, Geometry.SPATIAL, tolerance=tolerance, restitution_threshold=9.81e-3)
+    expected = [resolve(tie.body, tie.body_b, tie.contact, model) for tie in ties]
+    monkeypatch.setattr(one_by_one, "resolve", lambda *_: pytest.fail("a row was left to Python"))
+    arrays = batch_of([(tie.body, tie.body_b, tie.contact) for tie in ties], oriented=False)
+    result = resolve_batch(*arrays, model, report=True)
+    for k, alone in enumerate(expected):
+        twists = np.array([alone.twist_a, alone.twist_b])
         assert result.status[k] == alone.status
+        if result.error_bound is None:
+            assert result.impulse[:, k].tolist() == pytest.approx(alone.impulse, rel=1e-12, abs=0.0)
+            continue
+        np.testing.assert_array_equal(result.velocity[..., k].T, twists[:, 0])
+        np.testing.assert_array_equal(result.angular_velocity[..., k].T, twists[:, 1])
         assert result.impulse[:, k].tolist() == [*alone.impulse]
-        assert result.error_bound[k] == alone.error_bound
+        assert (result.error_bound[k], result.precision[k]) == (alone.error_bound, alone.model.precision)
+        for field in REPORT:
+            assert getattr(result, field)[k] == getattr(alone, field)
+        assert result.adjustments[k] == alone.adjustments
 
 
 def on_corners(velocity, normal, corners) -> Scene:

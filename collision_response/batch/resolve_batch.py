@@ -194,7 +194,7 @@ def _refine(
     if out.precision is None:
         if worst_status >= StatusCode.OUT_OF_RANGE:
             columns = np.flatnonzero(out.status >= StatusCode.OUT_OF_RANGE)
-            yield from resolve_one_by_one(request.select(columns), out, columns)
+            yield from _resolve_alone(request, out, columns)
         return
     out.precision[:] = plan.first_precision
     if any(plan.settings_errors):  # the kernels of batches do not count them
@@ -211,10 +211,23 @@ def _refine(
             columns = _compute_extended(request, out, columns, workers)
     columns = columns[~(out.error_bound[columns] < settled_bound(model))]
     if columns.size:
-        yield from resolve_one_by_one(request.select(columns), out, columns)
+        yield from _resolve_alone(request, out, columns)
     yield from _follow_finest_steps(request, out, workers)
     has_answer = (out.status == StatusCode.OK) | (out.status == StatusCode.SEPARATING)
     out.status[has_answer & ~(out.error_bound <= plan.bound_limit)] = StatusCode.TOLERANCE_NOT_MET
+
+
+def _resolve_alone(request: BatchRequest, out: BatchResult, columns: Array) -> Iterator[None]:
+    """Compute contacts as :func:`~collision_response.resolve` does; pause after each that it leaves to Python."""
+    if out.velocity.dtype != np.float32:
+        plan, bodies, _, contacts = request.select(columns)
+        alone, is_answered = _empty_result(out, columns.size), np.zeros(columns.size, bool)
+        library.resolve_columns(
+            plan.model, plan.layout.number, bodies, contacts, plan.settings, alone, is_answered
+        )
+        _copy(alone.mapped(lambda array: array[..., is_answered]), out, columns[is_answered])
+        columns = columns[~is_answered]
+    yield from resolve_one_by_one(request.select(columns), out, columns)
 
 
 def _follow_finest_steps(request: BatchRequest, out: BatchResult, workers: int) -> Iterator[None]:

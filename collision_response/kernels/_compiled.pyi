@@ -39,6 +39,16 @@ def batch(
     stop: int,
     /,
 ) -> tuple[int, float] | None: ...
+def resolve_columns(
+    model: ImpactModel,
+    layout: int,
+    bodies: _Array,
+    contacts: _Array,
+    settings: _Array,
+    results: tuple[_Array | None, ...],
+    is_answered: _Array,
+    /,
+) -> None: ...
 def find_independent_sets(pairs: _Array, movable: _Array, order: _Array, starts: _Array, /) -> int: ...
 
 # resolve_scene.cpp

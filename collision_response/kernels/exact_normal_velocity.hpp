@@ -93,10 +93,13 @@ inline std::optional<ExactSum> exact_normal_velocity(const double* body_a, const
   return n_u;
 }
 
-// Whether bodies with this n.u approach more slowly than a threshold: n.u < 0 and (n.u)^2 < threshold^2 n.n. Nothing if
-// doubles cannot hold the squares.
+// Whether bodies with this n.u approach more slowly than a threshold: n.u < 0 and (n.u)^2 < threshold^2 n.n. The squares
+// matter only if the speeds nearly agree. Nothing if doubles cannot hold them.
 inline std::optional<bool> approach_below(const ExactSum& n_u, const double* normal, double threshold) {
   if (!(n_u.sign() < 0)) return false;
+  const double speed = -n_u.rounded().h / std::hypot(normal[0], normal[1], normal[2]);
+  const bool are_near = std::fabs(speed - threshold) <= threshold * 0x1p-30;
+  if (!are_near && threshold >= 0x1p-1000) return speed < threshold;
   ExactSum excess;
   for (double a : n_u.parts())
     for (double b : n_u.parts()) excess.add_product(a, b);

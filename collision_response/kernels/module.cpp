@@ -28,6 +28,7 @@ PyObject* setup(PyObject*, PyObject* args) {
 PyMethodDef methods[] = {METHOD("resolve", resolve, METH_FASTCALL),
                          METHOD("numbers_with_errors", numbers_with_errors, METH_FASTCALL),
                          METHOD("batch", batch, METH_FASTCALL),
+                         METHOD("resolve_columns", resolve_columns, METH_FASTCALL),
                          METHOD("find_independent_sets", find_independent_sets, METH_FASTCALL),
                          METHOD("resolve_scene", resolve_scene, METH_FASTCALL),
                          METHOD("find_clusters", find_clusters, METH_FASTCALL),

@@ -5,7 +5,7 @@
 using Function = PyObject*(PyObject* module, PyObject* const* args, Py_ssize_t count);
 
 Function resolve, numbers_with_errors;  // resolve.cpp
-Function batch, find_independent_sets;  // resolve_batch.cpp
+Function batch, resolve_columns, find_independent_sets;  // resolve_batch.cpp
 Function resolve_scene, find_clusters;  // resolve_scene.cpp
 PyObject *resolve_clusters(PyObject* module, PyObject* args), *has_fraction(PyObject* module, PyObject* o);
 Function assemble;  // cluster_object.cpp

@@ -16,11 +16,10 @@ bool read_request(PyObject* const* args, const InputBuffer& buffer, bool* has_fu
 }
 
 // Raise the ImpactError of a status.
-int raise_refusal(int status) {
+void raise_refusal(int status) {
   PyObject* error = PyObject_CallFunction(python.refusal, "i", status);
   if (error) PyErr_SetObject(reinterpret_cast<PyObject*>(Py_TYPE(error)), error);
   Py_XDECREF(error);
-  return RAISED;
 }
 
 // `model` is a new reference.
@@ -59,16 +58,13 @@ bool find_geometry(const Plan& plan, OneImpact& impact) {
 }
 
 // Compute the result in the first precision of the plan, then in the next ones, until its error bound is low enough.
-// Return whether there is a kernel; if not, a Python error is set.
+// Return whether there is a kernel.
 bool climb(const Plan& plan, const double* input, const double* error, OneImpact& impact) {
   ImpactResult& result = impact.result;
   const KernelEntry<ImpactKernel>* last = nullptr;
   for (int precision = plan.first_precision; precision <= plan.last_precision; ++precision) {
     const auto next = find_impact_kernel(impact.law, impact.is_articulated, precision);
-    if (!next) {
-      PyErr_Format(PyExc_LookupError, "no kernel of law %d: is it newer than the build?", impact.law);
-      return false;
-    }
+    if (!next) return false;
     if (next == last) break;  // the law has one kernel for all precisions
     ImpactResult more_exact;
     compute_in_suitable_units(next->kernel, impact.is_articulated, next->number == PRECISION_SINGLE, input, error,
@@ -102,7 +98,7 @@ void set_separating(double normal_velocity, OneImpact& impact) {
 }
 
 // Compute the result. Where double-doubles leave open whether the bodies approach, or whether they do so below the
-// threshold, decide that without rounding. False if a Python error is set.
+// threshold, decide that without rounding. Return whether there is a kernel.
 bool compute_result(const Plan& plan, const double* error, OneImpact& impact) {
   if (!climb(plan, impact.input, error, impact)) return false;
   const bool is_open = !(impact.result.error_bound <= plan.target_bound) && plan.last_precision == PRECISION_EXTENDED;
@@ -131,6 +127,25 @@ bool compute_result(const Plan& plan, const double* error, OneImpact& impact) {
 
 }  // namespace
 
+int compute_numbers(const Plan& plan, const double* error, OneImpact& impact) {
+  double fault;
+  (impact.is_articulated ? check_articulated : check_everything)(impact.input, &fault, impact.validity);
+  if (fault != 0) return HANDOVER_INVALID;
+  const double friction = impact.input[IN_CONTACT + CONTACT_FRICTION];
+  impact.law = friction > 0 ? plan.law_with_friction : plan.law_without_friction;
+  impact.leaves_out_friction = impact.law == LAW_FRICTIONLESS && friction != 0;
+  if (!find_geometry(plan, impact)) return HANDOVER_GEOMETRY_TOO_SMALL;
+  if (impact.has_fraction && impact.law == LAW_FRICTIONLESS && !impact.is_articulated) return HANDOVER_RATIONAL;
+
+  if (!compute_result(plan, error, impact)) return NO_KERNEL;
+  const ImpactResult& result = impact.result;
+  if (result.flags[FLAG_UNFINISHED]) return refused(STATUS_PATH_TOO_LONG);
+  if (result.flags[FLAG_UNPHYSICAL]) return refused(STATUS_INTERNAL_ERROR);
+  if (!all_finite(result)) return result.error_bound < INFINITY ? refused(STATUS_OUT_OF_RANGE) : HANDOVER_NOTHING_KNOWN;
+  if (result.flags[FLAG_FELL_BACK]) impact.law = LAW_COULOMB;
+  return ANSWERED;
+}
+
 int compute_one_impact(PyObject* const* request, const Plan& plan, OneImpact& impact) {
   double error[ALL_INPUTS], *input = impact.input;
   std::fill_n(error, INPUTS, 0.0);
@@ -139,30 +154,19 @@ int compute_one_impact(PyObject* const* request, const Plan& plan, OneImpact& im
     std::fill_n(input + INPUTS, ALL_INPUTS - INPUTS, 0.0);
     std::fill_n(error + INPUTS, ALL_INPUTS - INPUTS, 0.0);
   }
-  bool has_fraction = false, has_function;
-  if (!read_request(request, {input, error, input_names, &has_fraction}, &has_function)) return RAISED;
+  bool has_function;
+  if (!read_request(request, {input, error, input_names, &impact.has_fraction}, &has_function)) return RAISED;
   if (has_function || PyTuple_GET_ITEM(request[2], CONTACT_FIELD_TANGENTIAL_RESTITUTION) != Py_None)
     return HANDOVER_NOT_ONLY_NUMBERS;
   std::copy_n(plan.settings, MODEL, input + IN_MODEL);
   std::copy_n(plan.errors, MODEL, error + IN_MODEL);
-  double fault;
-  (impact.is_articulated ? check_articulated : check_everything)(input, &fault, impact.validity);
-  if (fault != 0 || request[0] == request[1]) return HANDOVER_INVALID;
-
-  impact.law = input[IN_CONTACT + CONTACT_FRICTION] > 0 ? plan.law_with_friction : plan.law_without_friction;
-  const bool frictionless = impact.law == LAW_FRICTIONLESS;
-  impact.leaves_out_friction = frictionless && input[IN_CONTACT + CONTACT_FRICTION] != 0;
-  if (!find_geometry(plan, impact)) return HANDOVER_GEOMETRY_TOO_SMALL;
-  if (has_fraction && frictionless && !impact.is_articulated) return HANDOVER_RATIONAL;
-
-  if (!compute_result(plan, error, impact)) return RAISED;
-  const ImpactResult& result = impact.result;
-  if (result.flags[FLAG_UNFINISHED]) return raise_refusal(STATUS_PATH_TOO_LONG);
-  if (result.flags[FLAG_UNPHYSICAL]) return raise_refusal(STATUS_INTERNAL_ERROR);
-  if (!all_finite(result))
-    return result.error_bound < INFINITY ? raise_refusal(STATUS_OUT_OF_RANGE) : HANDOVER_NOTHING_KNOWN;
-  if (result.flags[FLAG_FELL_BACK]) impact.law = LAW_COULOMB;
-  return ANSWERED;
+  if (request[0] == request[1]) return HANDOVER_INVALID;
+  const int outcome = compute_numbers(plan, error, impact);
+  if (outcome >= ANSWERED) return outcome;
+  if (outcome == NO_KERNEL)
+    PyErr_Format(PyExc_LookupError, "no kernel of law %d: is it newer than the build?", impact.law);
+  else raise_refusal(status_of(outcome));
+  return RAISED;
 }
 
 // resolve(body_a, body_b, contact, model, in_python): an Impact. What the kernels cannot answer, or not exactly enough,

@@ -3,6 +3,7 @@
 #include "contact_pairs.hpp"
 #include "kernel_table.hpp"
 #include "module.hpp"
+#include "resolve.hpp"
 
 namespace {
 
@@ -161,6 +162,37 @@ struct BatchArrays {
   }
 };
 
+// Compute a column of a batch of doubles as resolve() computes one impact, with more digits where it takes them, and in
+// suitable units. False if that is left to Python; then no result is written.
+bool compute_alone(const Batch& batch, const Plan& plan, long at, unsigned char* precision) {
+  OneImpact impact;
+  const double no_error[INPUTS] = {};
+  for (int i = 0; i < INPUTS; ++i)
+    impact.input[i] = static_cast<const double*>(batch.row[i])[batch.is_shared[i] ? 0 : at];
+  if (compute_numbers(plan, no_error, impact) != ANSWERED) return false;
+  const ImpactResult& result = impact.result;
+  if (!(result.error_bound <= plan.target_bound)) return false;
+  auto put = [&](int place, double x) {
+    if (batch.result[place]) static_cast<double*>(batch.result[place])[at] = x;
+  };
+  for (int k = 0; k < 3; ++k) {
+    for (int side = 0; side < 2; ++side) {
+      put(Batch::VELOCITY + 2 * k + side, result.twist_after(side)[k]);
+      put(Batch::ANGULAR_VELOCITY + 2 * k + side, result.twist_after(side)[3 + k]);
+    }
+    put(Batch::IMPULSE + k, result.change[k]);
+  }
+  put(Batch::ERROR_BOUND, result.error_bound);
+  for (int k = 0; k < ENERGIES; ++k) put(Batch::ENERGY + k, result.reported[OUT_KINETIC_ENERGY_BEFORE + k]);
+  batch.status[at] = result.flags[FLAG_SEPARATING] ? STATUS_SEPARATING : STATUS_OK;
+  if (precision) precision[at] = static_cast<unsigned char>(impact.precision);
+  if (batch.regime) {
+    batch.regime[at] = static_cast<unsigned char>(result.reported[OUT_REGIME]);
+    batch.adjustments[at] = static_cast<unsigned char>(impact.adjustments() & ~ADJUSTMENT_NORMALISED_ORIENTATION);
+  }
+  return true;
+}
+
 }  // namespace
 
 // batch(law, layout, number_type, bodies, pairs, contacts, settings, results, from, to): compute the columns from
@@ -210,6 +242,31 @@ PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
     }
   }
   return Py_BuildValue("id", greatest_status, greatest_bound);
+}
+
+// resolve_columns(model, layout, bodies, contacts, settings, results, is_answered): compute each column as resolve()
+// does. The bodies of a contact are in its own column, and all numbers are doubles. Sets is_answered, which is false where
+// the column is left to Python. Releases the GIL.
+PyObject* resolve_columns(PyObject*, PyObject* const* args, Py_ssize_t count) {
+  Plan plan;
+  Array is_answered;
+  BatchArrays arrays;
+  PyObject* inputs[] = {args[2], Py_None, args[3], args[4]};
+  if (count != 7 || !PyTuple_Check(args[5]) || PyTuple_GET_SIZE(args[5]) != FIELDS)
+    return PyErr_Format(PyExc_TypeError, "resolve_columns() takes 7 arguments");
+  if (!find_plan(args[0], plan)) return nullptr;
+  const TableLayout& table = table_layouts[PyLong_AsLong(args[1])];
+  if (!arrays.open(inputs, args[5]) || !is_answered.open(args[6], true) ||
+      !arrays.are_valid(table, arrays.result[ERROR_BOUND].is_open()) || !arrays.is_double() ||
+      !is_answered.has('?', {arrays.count}))
+    return PyErr_Format(PyExc_TypeError, "resolve_columns() takes contiguous arrays of doubles");
+  const Batch batch = arrays.make_batch(table, true, nullptr);
+  auto* const precision = arrays.result[PRECISION].at<unsigned char>();
+  {
+    ReleasedGil released;
+    for (long at = 0; at < arrays.count; ++at) *is_answered.at<bool>(at) = compute_alone(batch, plan, at, precision);
+  }
+  Py_RETURN_NONE;
 }
 
 // find_independent_sets(pairs, movable, order, starts): see contact_pairs.hpp. The caller has checked the shapes of the
