@@ -1,4 +1,4 @@
-"""The few contacts of a batch that the kernels cannot answer well enough: ``resolve`` answers them."""
+"""The few contacts of a batch that the compiled functions cannot answer well enough: ``resolve`` does."""
 
 from __future__ import annotations
 

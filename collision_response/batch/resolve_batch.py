@@ -218,7 +218,7 @@ def _refine(
 
 
 def _resolve_alone(request: BatchRequest, out: BatchResult, columns: Array) -> Iterator[None]:
-    """Compute contacts as :func:`~collision_response.resolve` does; pause after each that it leaves to Python."""
+    """Compute contacts as ``resolve`` does, and pause after each one that it leaves to Python."""
     if out.velocity.dtype != np.float32:
         plan, bodies, _, contacts = request.select(columns)
         alone, is_answered = _empty_result(out, columns.size), np.zeros(columns.size, bool)
