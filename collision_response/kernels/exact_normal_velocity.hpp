@@ -4,6 +4,7 @@
 // Source of the sums: Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates",
 // Discrete & Computational Geometry 18 (1997), section 2.
 #pragma once
+#include <array>
 #include <cmath>
 #include <optional>
 #include <vector>
@@ -61,24 +62,34 @@ class ExactSum {
   bool is_exact_ = true;
 };
 
-// Whether all of the spin of a body counts, because it surely has inertia about every axis, or does not turn.
-inline bool has_whole_spin(const double* body) {
-  const double *spin = body + BODY_ANGULAR_VELOCITY_X, xx = body[BODY_INERTIA_XX], yy = body[BODY_INERTIA_YY],
-               zz = body[BODY_INERTIA_ZZ], xy = std::fabs(body[BODY_INERTIA_XY]), xz = std::fabs(body[BODY_INERTIA_XZ]),
-               yz = std::fabs(body[BODY_INERTIA_YZ]);
-  if ((spin[0] == 0 && spin[1] == 0 && spin[2] == 0) || !(body[BODY_MASS] < INFINITY)) return true;
-  const double least = std::fmin(xx - xy - xz, std::fmin(yy - xy - yz, zz - xz - yz));  // <= the least eigenvalue
-  return least > 0x1p-20 * (xx + yy + zz);
+// The spin of a body without that about axes without inertia. Nothing if that is not one of its numbers, or 0.
+inline std::optional<std::array<double, 3>> effective_spin(const double* body) {
+  const double *given = body + BODY_ANGULAR_VELOCITY_X, *q = body + BODY_ORIENTATION_X, *com = body + BODY_COM_X;
+  std::array<double, 3> spin = {given[0], given[1], given[2]};
+  auto are_zero = [](const double* x) { return x[0] == 0 && x[1] == 0 && x[2] == 0; };
+  if (are_zero(given) || !(body[BODY_MASS] < INFINITY)) return spin;
+  const double moment[3] = {body[BODY_INERTIA_XX], body[BODY_INERTIA_YY], body[BODY_INERTIA_ZZ]},
+               product[3] = {body[BODY_INERTIA_YZ], body[BODY_INERTIA_XZ], body[BODY_INERTIA_XY]},
+               size = moment[0] + moment[1] + moment[2];
+  const double off = std::fabs(product[0]) + std::fabs(product[1]) + std::fabs(product[2]);
+  // A moment of inertia along an axis is at least moment[k] - off.
+  const bool is_aligned = off == 0 && (size == 0 || are_zero(q)) && are_zero(com);
+  for (int k = 0; k < 3; ++k) {
+    if (moment[k] == 0 && is_aligned) spin[k] = 0;
+    else if (!(moment[k] - off > 0x1p-20 * size)) return {};
+  }
+  return spin;
 }
 
-// n.u = n.(v_a - v_b) + n.(w_a x d_a - w_b x d_b) of rigid bodies, with d = point - position. Nothing if doubles cannot
-// hold it, or a body may turn about an axis without inertia.
+// n.u = n.(v_a - v_b) + n.(w_a x d_a - w_b x d_b) of rigid bodies, with d = point - position. Nothing if sums of doubles
+// cannot hold it.
 inline std::optional<ExactSum> exact_normal_velocity(const double* body_a, const double* body_b, const double* point,
                                                      const double* normal) {
   ExactSum n_u;
   for (const double* body : {body_a, body_b}) {
-    if (!has_whole_spin(body)) return {};
-    const double *v = body + BODY_VELOCITY_X, *w = body + BODY_ANGULAR_VELOCITY_X, *position = body + BODY_POSITION_X;
+    const auto spin = effective_spin(body);
+    if (!spin) return {};
+    const double *v = body + BODY_VELOCITY_X, *w = spin->data(), *position = body + BODY_POSITION_X;
     for (int k = 0; k < 3; ++k) {
       const int i = (k + 1) % 3, j = (k + 2) % 3;
       const double n = body == body_a ? normal[k] : -normal[k];

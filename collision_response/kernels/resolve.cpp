@@ -57,26 +57,6 @@ bool find_geometry(const Plan& plan, OneImpact& impact) {
   return impact.geometry == GEOMETRY_SPATIAL || (impact.geometry == GEOMETRY_POINT ? is_point : is_planar);
 }
 
-// Compute the result in the first precision of the plan, then in the next ones, until its error bound is low enough.
-// Return whether there is a kernel.
-bool climb(const Plan& plan, const double* input, const double* error, OneImpact& impact) {
-  ImpactResult& result = impact.result;
-  const KernelEntry<ImpactKernel>* last = nullptr;
-  for (int precision = plan.first_precision; precision <= plan.last_precision; ++precision) {
-    const auto next = find_impact_kernel(impact.law, impact.is_articulated, precision);
-    if (!next) return false;
-    if (next == last) break;  // the law has one kernel for all precisions
-    ImpactResult more_exact;
-    compute_in_suitable_units(next->kernel, impact.is_articulated, next->number == PRECISION_SINGLE, input, error,
-                              last ? more_exact : result);
-    if (!last || all_finite(more_exact)) impact.precision = next->number;
-    if (last && all_finite(more_exact)) result = more_exact;  // pairs of float64 overflow before float64 does
-    if (result.error_bound <= plan.target_bound) break;
-    last = next;
-  }
-  return true;
-}
-
 // Make a result that leaves open whether the bodies approach that of bodies that do not, with this normal velocity.
 void set_separating(double normal_velocity, OneImpact& impact) {
   ImpactResult& result = impact.result;
@@ -91,37 +71,68 @@ void set_separating(double normal_velocity, OneImpact& impact) {
   reported[OUT_ENERGY_LOST_RESTITUTION] = reported[OUT_ENERGY_LOST_FRICTION] = 0;
   reported[OUT_RESTITUTION] = impact.input[IN_CONTACT + CONTACT_RESTITUTION];
   reported[OUT_REGIME] = REGIME_SEPARATING;
-  std::fill_n(result.flags, FLAGS, false);
-  result.flags[FLAG_SEPARATING] = true;
+  for (int flag = 0; flag < FLAGS; ++flag)
+    result.flags[flag] = flag == FLAG_SEPARATING || (flag == FLAG_MASSLESS_SPIN && result.flags[flag]);
   result.error_bound = 0;
   impact.precision = PRECISION_EXTENDED;
 }
 
-// Compute the result. Where double-doubles leave open whether the bodies approach, or whether they do so below the
-// threshold, decide that without rounding. Return whether there is a kernel.
-bool compute_result(const Plan& plan, const double* error, OneImpact& impact) {
-  if (!climb(plan, impact.input, error, impact)) return false;
-  const bool is_open = !(impact.result.error_bound <= plan.target_bound) && plan.last_precision == PRECISION_EXTENDED;
-  const bool has_errors = std::any_of(error, error + INPUTS, [](double e) { return e != 0; });
-  if (!is_open || has_errors || impact.is_articulated || !all_finite(impact.result)) return true;
-  double input[INPUTS];
-  std::copy_n(impact.input, INPUTS, input);
-  const double* normal = input + IN_CONTACT + CONTACT_NORMAL_X;
+// Whether the approach of a request can be decided without rounding, and then: whether the bodies separate, with this
+// normal velocity; and whether they approach below the threshold, if that matters.
+struct Decision {
+  bool separates = false;
+  double normal_velocity = 0;
+  std::optional<bool> is_below{};
+};
+std::optional<Decision> decide_approach(const double* input, const double* error) {
+  if (std::any_of(error, error + INPUTS, [](double e) { return e != 0; })) return {};
+  const double *normal = input + IN_CONTACT + CONTACT_NORMAL_X,
+               threshold = input[IN_MODEL + MODEL_RESTITUTION_THRESHOLD];
   const auto n_u = exact_normal_velocity(input, input + BODY, input + IN_CONTACT + CONTACT_POSITION_X, normal);
-  if (!n_u) return true;
-  if (!(n_u->sign() < 0)) {
-    set_separating(n_u->rounded().h / std::hypot(normal[0], normal[1], normal[2]), impact);
-    return true;
+  if (!n_u) return {};
+  if (!(n_u->sign() < 0)) return Decision{true, n_u->rounded().h / std::hypot(normal[0], normal[1], normal[2])};
+  if (!(threshold > 0 && input[IN_CONTACT + CONTACT_RESTITUTION] > 0)) return {};
+  return Decision{false, 0, approach_below(*n_u, normal, threshold)};
+}
+
+// Compute the result in the first precision of the plan, then in the next ones, until its error bound is low enough.
+// Where the bound is so large that the approach may be undecided, or stays too large, that is decided without rounding.
+// Return whether there is a kernel.
+bool compute_result(const Plan& plan, const double* error, OneImpact& impact) {
+  ImpactResult& result = impact.result;
+  const KernelEntry<ImpactKernel>* last = nullptr;
+  const double* input = impact.input;
+  double decided[INPUTS];
+  std::optional<Decision> decision;
+  bool may_ask = plan.last_precision == PRECISION_EXTENDED && !impact.is_articulated;
+  for (int precision = plan.first_precision; precision <= plan.last_precision; ++precision) {
+    const auto next = find_impact_kernel(impact.law, impact.is_articulated, precision);
+    if (!next) return false;
+    if (next == last) break;  // the law has one kernel for all precisions
+    ImpactResult more_exact;
+    compute_in_suitable_units(next->kernel, impact.is_articulated, next->number == PRECISION_SINGLE, input, error,
+                              last ? more_exact : result);
+    if (!last || all_finite(more_exact)) impact.precision = next->number;
+    if (last && all_finite(more_exact)) result = more_exact;  // pairs of float64 overflow before float64 does
+    if (result.error_bound <= plan.target_bound) break;
+    last = next;
+    const bool is_open = !(result.error_bound <= USEFUL_BOUND) || precision == plan.last_precision;
+    if (!(may_ask && is_open && all_finite(result))) continue;
+    may_ask = false;
+    decision = decide_approach(input, error);
+    if (decision && decision->separates) {
+      set_separating(decision->normal_velocity, impact);
+      return true;
+    }
+    if (!decision || !decision->is_below) continue;
+    std::copy_n(impact.input, INPUTS, decided);
+    decided[IN_MODEL + MODEL_RESTITUTION_THRESHOLD] = 0;
+    if (*decision->is_below) decided[IN_CONTACT + CONTACT_RESTITUTION] = 0;
+    input = decided;
+    last = nullptr;
+    --precision;
   }
-  double& threshold = input[IN_MODEL + MODEL_RESTITUTION_THRESHOLD];
-  double& restitution = input[IN_CONTACT + CONTACT_RESTITUTION];
-  if (!(threshold > 0 && restitution > 0)) return true;
-  const std::optional<bool> is_below = approach_below(*n_u, normal, threshold);
-  if (!is_below) return true;
-  threshold = 0;
-  if (*is_below) restitution = 0;
-  if (!climb(plan, input, error, impact)) return false;
-  impact.result.flags[FLAG_BELOW_THRESHOLD] = *is_below;
+  if (input == decided) result.flags[FLAG_BELOW_THRESHOLD] = *decision->is_below;
   return true;
 }
 
