@@ -77,34 +77,28 @@ void set_separating(double normal_velocity, OneImpact& impact) {
   impact.precision = PRECISION_EXTENDED;
 }
 
-// Whether the approach of a request can be decided without rounding, and then: whether the bodies separate, with this
-// normal velocity; and whether they approach below the threshold, if that matters.
+// What can be said about an approach without rounding.
 struct Decision {
-  bool separates = false;
-  double normal_velocity = 0;
-  std::optional<bool> is_below{};
+  std::optional<double> separates{};  // with this normal velocity
+  std::optional<bool> is_below{};  // the threshold, if there is one that matters
 };
-std::optional<Decision> decide_approach(const double* input, const double* error) {
+Decision decide_approach(const double* input, const double* error) {
   if (std::any_of(error, error + INPUTS, [](double e) { return e != 0; })) return {};
   const double *normal = input + IN_CONTACT + CONTACT_NORMAL_X,
                threshold = input[IN_MODEL + MODEL_RESTITUTION_THRESHOLD];
   const auto n_u = exact_normal_velocity(input, input + BODY, input + IN_CONTACT + CONTACT_POSITION_X, normal);
   if (!n_u) return {};
-  if (!(n_u->sign() < 0)) return Decision{true, n_u->rounded().h / std::hypot(normal[0], normal[1], normal[2])};
-  if (!(threshold > 0 && input[IN_CONTACT + CONTACT_RESTITUTION] > 0)) return {};
-  return Decision{false, 0, approach_below(*n_u, normal, threshold)};
+  if (!(n_u->sign() < 0)) return {n_u->rounded().h / std::hypot(normal[0], normal[1], normal[2]), {}};
+  const bool has_threshold = threshold > 0 && input[IN_CONTACT + CONTACT_RESTITUTION] > 0;
+  return {{}, has_threshold ? approach_below(*n_u, normal, threshold) : std::nullopt};
 }
 
-// Compute the result in the first precision of the plan, then in the next ones, until its error bound is low enough.
-// Where the bound is so large that the approach may be undecided, or stays too large, that is decided without rounding.
-// Return whether there is a kernel.
-bool compute_result(const Plan& plan, const double* error, OneImpact& impact) {
+// Compute the result of `input` in the first precision of the plan, then in the next ones, until its error bound is low
+// enough. Where the bound is so large that the approach may be undecided, or stays too large, the approach is decided
+// without rounding, unless it has been. Return whether there is a kernel.
+bool compute_result(const Plan& plan, const double* input, const double* error, bool is_decided, OneImpact& impact) {
   ImpactResult& result = impact.result;
   const KernelEntry<ImpactKernel>* last = nullptr;
-  const double* input = impact.input;
-  double decided[INPUTS];
-  std::optional<Decision> decision;
-  bool may_ask = plan.last_precision == PRECISION_EXTENDED && !impact.is_articulated;
   for (int precision = plan.first_precision; precision <= plan.last_precision; ++precision) {
     const auto next = find_impact_kernel(impact.law, impact.is_articulated, precision);
     if (!next) return false;
@@ -117,22 +111,22 @@ bool compute_result(const Plan& plan, const double* error, OneImpact& impact) {
     if (result.error_bound <= plan.target_bound) break;
     last = next;
     const bool is_open = !(result.error_bound <= USEFUL_BOUND) || precision == plan.last_precision;
-    if (!(may_ask && is_open && all_finite(result))) continue;
-    may_ask = false;
-    decision = decide_approach(input, error);
-    if (decision && decision->separates) {
-      set_separating(decision->normal_velocity, impact);
-      return true;
+    if (is_decided || !is_open || !all_finite(result)) continue;
+    is_decided = true;
+    const Decision found = decide_approach(input, error);
+    if (found.separates) {
+      set_separating(*found.separates, impact);
+      break;
     }
-    if (!decision || !decision->is_below) continue;
-    std::copy_n(impact.input, INPUTS, decided);
+    if (!found.is_below) continue;
+    double decided[INPUTS];
+    std::copy_n(input, INPUTS, decided);
     decided[IN_MODEL + MODEL_RESTITUTION_THRESHOLD] = 0;
-    if (*decision->is_below) decided[IN_CONTACT + CONTACT_RESTITUTION] = 0;
-    input = decided;
-    last = nullptr;
-    --precision;
+    if (*found.is_below) decided[IN_CONTACT + CONTACT_RESTITUTION] = 0;
+    if (!compute_result(plan, decided, error, true, impact)) return false;
+    result.flags[FLAG_BELOW_THRESHOLD] = *found.is_below;
+    break;
   }
-  if (input == decided) result.flags[FLAG_BELOW_THRESHOLD] = *decision->is_below;
   return true;
 }
 
@@ -148,7 +142,8 @@ int compute_numbers(const Plan& plan, const double* error, OneImpact& impact) {
   if (!find_geometry(plan, impact)) return HANDOVER_GEOMETRY_TOO_SMALL;
   if (impact.has_fraction && impact.law == LAW_FRICTIONLESS && !impact.is_articulated) return HANDOVER_RATIONAL;
 
-  if (!compute_result(plan, error, impact)) return NO_KERNEL;
+  const bool may_decide = plan.last_precision == PRECISION_EXTENDED && !impact.is_articulated;
+  if (!compute_result(plan, impact.input, error, !may_decide, impact)) return NO_KERNEL;
   const ImpactResult& result = impact.result;
   if (result.flags[FLAG_UNFINISHED]) return refused(STATUS_PATH_TOO_LONG);
   if (result.flags[FLAG_UNPHYSICAL]) return refused(STATUS_INTERNAL_ERROR);
