@@ -302,6 +302,14 @@ def test_a_fault_affects_its_cluster_only():
     assert answer.cluster.tolist() == [0] * 4 + [1] * 4 + [2] * 4 + [3] + [4] * 4 + [5, 6, 7, 8, 9]
 
 
+@pytest.mark.parametrize("law", [law for law in Law if law is not Law.AUTO])
+def test_a_body_that_is_unknown_twice_is_one_body(law):
+    bodies, contacts, _ = tables([box()])
+    answer = resolve_scenes(bodies, contacts[:, :1], ImpactModel(law), pairs=[[-1], [-1]])
+    assert answer.status.tolist() == [StatusCode.SAME_BODY]
+    np.testing.assert_array_equal(answer.velocity, bodies[body_row.velocity])
+
+
 def test_no_contacts_and_no_bodies():
     bodies, contacts, _ = tables([box()])
     answer = resolve_scenes(bodies, contacts[:, :0], pairs=np.empty((2, 0), int))

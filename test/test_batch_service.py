@@ -556,6 +556,7 @@ def test_contacts_of_path_laws_are_computed_a_few_at_a_time(law):
 # the client's side
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")  # NumPy must not warn
 @pytest.mark.parametrize(
     ("message", "changes"),
     [
@@ -574,7 +575,10 @@ def test_contacts_of_path_laws_are_computed_a_few_at_a_time(law):
             "pairs: must be indices of bodies, counted from 0; one is 4294967296",
             {"pairs": [[2**32, 1], [1, 2]]},
         ),
-        ("pairs: must be indices of bodies, counted from 0; one is 0.5", {"pairs": [[0.5, 1], [1, 2]]}),
+        *(
+            (f"pairs: must be indices of bodies, counted from 0; one is {x}", {"pairs": [[x, 1], [1, 2]]})
+            for x in (0.5, np.nan, np.inf, 1e300)
+        ),
         *(
             (f"names[1]: must be one line without a NUL character, is {odd!r}", {"names": ["a", odd, "b"]})
             for odd in ("b\n", "\0", "b\0c")

@@ -236,6 +236,9 @@ def _resolve_in_python(
     model, bodies, pairs = request.plan.model, request.bodies, request.pairs
     assert pairs is not None
     own_pairs = pairs[:, contacts].T.tolist()
+    if any(a == b for a, b in own_pairs):
+        result.status[cluster] = StatusCode.SAME_BODY
+        return
     columns = list(dict.fromkeys(chain(*own_pairs)))  # bodies in the order in which contacts name them
     if min(columns) < 0 or max(columns) >= bodies.shape[1]:
         result.status[cluster] = StatusCode.UNKNOWN_BODY
@@ -253,8 +256,7 @@ def _resolve_in_python(
         )
     except ImpactError as error:
         result.status[cluster] = error.code
-        if error.code is not StatusCode.SAME_BODY:
-            result.velocity[:, movable] = result.angular_velocity[:, movable] = np.nan
+        result.velocity[:, movable] = result.angular_velocity[:, movable] = np.nan
         return
     linear, angular = len(result.velocity), len(result.angular_velocity)
     for i in movable:

@@ -96,7 +96,8 @@ def as_indices(pairs: Array) -> Array:
     Raises:
         ValueError: if one is not an index.
     """
-    indices = pairs.astype(np.uint32)
+    with np.errstate(invalid="ignore"):  # of NaN, which is no index
+        indices = pairs.astype(np.uint32)
     if (indices != pairs).any():
         wrong = pairs[indices != pairs][0]
         raise ValueError(f"pairs: must be indices of bodies, counted from 0; one is {wrong}")
