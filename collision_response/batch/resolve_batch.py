@@ -40,7 +40,15 @@ import numpy as np
 from ..arguments import check_count
 from ..kernels import library
 from ..kernels.protocol import NumberType
-from ..model import DEFAULT, LARGEST_BOUND, ImpactModel, Precision, in_finest_steps, settled_bound
+from ..model import (
+    DEFAULT,
+    LARGEST_BOUND,
+    USEFUL_BOUND,
+    ImpactModel,
+    Precision,
+    in_finest_steps,
+    settled_bound,
+)
 from ..status import StatusCode, format_value
 from .arrays import Array, as_numpy, converter_like, is_lazy, library_of
 from .dask_arrays import resolve_lazily
@@ -193,41 +201,52 @@ def _refine(
     plan = request.plan.model_plan
     if out.precision is None:
         if worst_status >= StatusCode.OUT_OF_RANGE:
-            columns = np.flatnonzero(out.status >= StatusCode.OUT_OF_RANGE)
-            yield from _resolve_alone(request, out, columns)
+            columns = _compute_alone(request, out, np.flatnonzero(out.status >= StatusCode.OUT_OF_RANGE))
+            yield from resolve_one_by_one(request.select(columns), out, columns)
         return
     out.precision[:] = plan.first_precision
-    if any(plan.settings_errors):  # the kernels of batches do not count them
-        yield from resolve_one_by_one(request, out, np.arange(out.status.size))
+    if any(plan.settings_errors._replace(tolerance=0.0)):  # which the kernels of batches do not count
+        columns = np.arange(out.status.size)
+        yield from resolve_one_by_one(request.select(columns), out, columns)
         return
     if worst_status <= StatusCode.SEPARATING and worst_bound <= plan.target_bound:
         return
     model = request.plan.model
     columns = _inexact(out, LARGEST_BOUND if model.precision is Precision.DOUBLE else plan.target_bound)
+    undecided = columns[:0]
     if plan.first_precision is not plan.last_precision:
+        is_large = ~(out.error_bound[columns] <= USEFUL_BOUND)  # ``resolve`` first decides if they approach
+        undecided, columns = columns[is_large], columns[~is_large]
         # With more digits, slip may be known to stop before a path is too long.
-        columns = np.union1d(columns, np.flatnonzero(out.status == StatusCode.PATH_TOO_LONG))
-        if columns.size:
-            columns = _compute_extended(request, out, columns, workers)
-    columns = columns[~(out.error_bound[columns] < settled_bound(model))]
-    if columns.size:
-        yield from _resolve_alone(request, out, columns)
+        too_long = np.flatnonzero(out.status == StatusCode.PATH_TOO_LONG)
+        columns = _compute_extended(request, out, np.union1d(columns, too_long), workers)
+    columns = _compute_alone(request, out, np.union1d(undecided, _unsettled(out, columns, model)))
+    columns = _unsettled(out, columns, model)
+    yield from resolve_one_by_one(request.select(columns), out, columns)
     yield from _follow_finest_steps(request, out, workers)
     has_answer = (out.status == StatusCode.OK) | (out.status == StatusCode.SEPARATING)
     out.status[has_answer & ~(out.error_bound <= plan.bound_limit)] = StatusCode.TOLERANCE_NOT_MET
 
 
-def _resolve_alone(request: BatchRequest, out: BatchResult, columns: Array) -> Iterator[None]:
-    """Compute contacts as ``resolve`` does, and pause after each one that it leaves to Python."""
-    if out.velocity.dtype != np.float32:
-        plan, bodies, _, contacts = request.select(columns)
-        alone, is_answered = _empty_result(out, columns.size), np.zeros(columns.size, bool)
-        library.resolve_columns(
-            plan.model, plan.layout.number, bodies, contacts, plan.settings, alone, is_answered
-        )
-        _copy(alone.mapped(lambda array: array[..., is_answered]), out, columns[is_answered])
-        columns = columns[~is_answered]
-    yield from resolve_one_by_one(request.select(columns), out, columns)
+def _unsettled(out: BatchResult, columns: Array, model: ImpactModel) -> Array:
+    """Return the columns in which more digits may still change something."""
+    unsettled: Array = columns[~(out.error_bound[columns] < settled_bound(model))]
+    return unsettled
+
+
+def _compute_alone(request: BatchRequest, out: BatchResult, columns: Array) -> Array:
+    """Compute contacts as the kernels do for ``resolve``, and return those that need still more digits."""
+    if not columns.size or out.velocity.dtype == np.float32:
+        return columns
+    plan, bodies, _, contacts = request.select(columns)
+    alone = _empty_result(out, columns.size)
+    library.resolve_columns(plan.model, plan.layout.number, bodies, contacts, plan.settings, alone)
+    is_known = alone.status != StatusCode.UNSET
+    _copy(alone.mapped(lambda array: array[..., is_known]), out, columns[is_known])
+    if alone.error_bound is not None:
+        is_known &= alone.error_bound <= plan.model_plan.target_bound
+    unknown: Array = columns[~is_known]
+    return unknown
 
 
 def _follow_finest_steps(request: BatchRequest, out: BatchResult, workers: int) -> Iterator[None]:
@@ -249,13 +268,14 @@ def _follow_finest_steps(request: BatchRequest, out: BatchResult, workers: int) 
 
 def _compute_extended(request: BatchRequest, out: BatchResult, columns: Array, workers: int) -> Array:
     """Compute contacts in double-doubles, and return those that need still more digits."""
-    is_out_of_range = out.status[columns] == StatusCode.OUT_OF_RANGE  # double-doubles have the same range
-    inexact, out_of_range = columns[~is_out_of_range], columns[is_out_of_range]
-    refined = _empty_result(out, inexact.size)
-    _run(request.select(inexact), NumberType.EXTENDED, refined, workers, 0, inexact.size)
+    if not columns.size:
+        return columns
+    refined = _empty_result(out, columns.size)
+    _run(request.select(columns), NumberType.EXTENDED, refined, workers, 0, columns.size)
     refined.precision[:] = Precision.EXTENDED
-    _copy(refined, out, inexact)
-    return np.concatenate([inexact[_inexact(refined, request.plan.model_plan.target_bound)], out_of_range])
+    _copy(refined, out, columns)
+    inexact: Array = columns[_inexact(refined, request.plan.model_plan.target_bound)]
+    return inexact
 
 
 def _empty_result(like: BatchResult, n: int) -> BatchResult:

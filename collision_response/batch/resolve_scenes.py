@@ -208,7 +208,8 @@ def _resolve_without_python(
     assert pairs is not None
     settings = model.restitution_threshold, model.tangential_restitution, model.tolerance
     floats = map(float, (threshold, *settings, plan.model_plan.bound_limit))
-    numbers = (*floats, protocol.SPRING_WORK)
+    has_exact_threshold = plan.model_plan.settings_errors.restitution_threshold == 0
+    numbers = (*floats, protocol.SPRING_WORK, has_exact_threshold)
 
     def resolve_some(start: int, stop: int) -> None:
         library.resolve_clusters(

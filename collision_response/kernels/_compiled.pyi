@@ -46,7 +46,6 @@ def resolve_columns(
     contacts: _Array,
     settings: _Array,
     results: tuple[_Array | None, ...],
-    is_answered: _Array,
     /,
 ) -> None: ...
 def find_independent_sets(pairs: _Array, movable: _Array, order: _Array, starts: _Array, /) -> int: ...

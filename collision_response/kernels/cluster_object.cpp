@@ -91,7 +91,7 @@ PyObject* approaches_below(PyObject* self, PyObject* given) {
   if (PyErr_Occurred()) return nullptr;
   const Assembly& assembly = assembly_of(self);
   return listed(assembly.contacts.size(), [&](size_t i) {
-    const std::optional<bool> is_below = assembly.approaches_below(assembly.contacts[i], threshold);
+    const std::optional<bool> is_below = assembly.approaches_below(assembly.contacts[i], threshold, false);
     return is_below ? PyBool_FromLong(*is_below) : Py_NewRef(Py_None);
   });
 }

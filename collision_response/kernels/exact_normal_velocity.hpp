@@ -62,21 +62,27 @@ class ExactSum {
   bool is_exact_ = true;
 };
 
-// The spin of a body without that about axes without inertia. Nothing if that is not one of its numbers, or 0.
+// The spin of a body that moves its contacts: without that about axes without inertia. Nothing if it would be rounded.
 inline std::optional<std::array<double, 3>> effective_spin(const double* body) {
   const double *given = body + BODY_ANGULAR_VELOCITY_X, *q = body + BODY_ORIENTATION_X, *com = body + BODY_COM_X;
-  std::array<double, 3> spin = {given[0], given[1], given[2]};
   auto are_zero = [](const double* x) { return x[0] == 0 && x[1] == 0 && x[2] == 0; };
+  std::array<double, 3> spin = {given[0], given[1], given[2]};
   if (are_zero(given) || !(body[BODY_MASS] < INFINITY)) return spin;
-  const double moment[3] = {body[BODY_INERTIA_XX], body[BODY_INERTIA_YY], body[BODY_INERTIA_ZZ]},
-               product[3] = {body[BODY_INERTIA_YZ], body[BODY_INERTIA_XZ], body[BODY_INERTIA_XY]},
-               size = moment[0] + moment[1] + moment[2];
-  const double off = std::fabs(product[0]) + std::fabs(product[1]) + std::fabs(product[2]);
-  // A moment of inertia along an axis is at least moment[k] - off.
-  const bool is_aligned = off == 0 && (size == 0 || are_zero(q)) && are_zero(com);
+  const double size = body[BODY_INERTIA_XX] + body[BODY_INERTIA_YY] + body[BODY_INERTIA_ZZ];
+  if (size == 0) {
+    if (!are_zero(com)) return {};
+    return std::array<double, 3>{};
+  }
+  // Of moments that add up to 1, none is less than the determinant.
+  auto part = [&](int i) { return body[i] / size; };
+  const double xx = part(BODY_INERTIA_XX), yy = part(BODY_INERTIA_YY), zz = part(BODY_INERTIA_ZZ),
+               xy = part(BODY_INERTIA_XY), xz = part(BODY_INERTIA_XZ), yz = part(BODY_INERTIA_YZ);
+  if (xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz) > 0x1p-30) return spin;
+  if (xy != 0 || xz != 0 || yz != 0 || !are_zero(q) || !are_zero(com)) return {};
+  const double moment[3] = {xx, yy, zz};
   for (int k = 0; k < 3; ++k) {
-    if (moment[k] == 0 && is_aligned) spin[k] = 0;
-    else if (!(moment[k] - off > 0x1p-20 * size)) return {};
+    if (moment[k] == 0) spin[k] = 0;
+    else if (!(moment[k] > 0x1p-30)) return {};
   }
   return spin;
 }
@@ -104,11 +110,19 @@ inline std::optional<ExactSum> exact_normal_velocity(const double* body_a, const
   return n_u;
 }
 
+// n.u of the unit normal.
+inline double velocity_along(const ExactSum& n_u, const double* normal) {
+  int exponent;
+  std::frexp(std::fmax(std::fabs(normal[0]), std::fmax(std::fabs(normal[1]), std::fabs(normal[2]))), &exponent);
+  auto scaled = [exponent](double x) { return std::ldexp(x, -exponent); };
+  return scaled(n_u.rounded().h) / std::hypot(scaled(normal[0]), scaled(normal[1]), scaled(normal[2]));
+}
+
 // Whether bodies with this n.u approach more slowly than a threshold: n.u < 0 and (n.u)^2 < threshold^2 n.n. The squares
 // matter only if the speeds nearly agree. Nothing if doubles cannot hold them.
 inline std::optional<bool> approach_below(const ExactSum& n_u, const double* normal, double threshold) {
   if (!(n_u.sign() < 0)) return false;
-  const double speed = -n_u.rounded().h / std::hypot(normal[0], normal[1], normal[2]);
+  const double speed = -velocity_along(n_u, normal);
   const bool are_near = std::fabs(speed - threshold) <= threshold * 0x1p-30;
   if (!are_near && threshold >= 0x1p-1000) return speed < threshold;
   ExactSum excess;

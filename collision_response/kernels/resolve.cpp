@@ -57,6 +57,12 @@ bool find_geometry(const Plan& plan, OneImpact& impact) {
   return impact.geometry == GEOMETRY_SPATIAL || (impact.geometry == GEOMETRY_POINT ? is_point : is_planar);
 }
 
+// Whether a body whose approach was decided turns about an axis without inertia.
+bool has_massless_spin(const double* body) {
+  const auto spin = effective_spin(body);
+  return spin && !std::equal(spin->begin(), spin->end(), body + BODY_ANGULAR_VELOCITY_X);
+}
+
 // Make a result that leaves open whether the bodies approach that of bodies that do not, with this normal velocity.
 void set_separating(double normal_velocity, OneImpact& impact) {
   ImpactResult& result = impact.result;
@@ -71,8 +77,9 @@ void set_separating(double normal_velocity, OneImpact& impact) {
   reported[OUT_ENERGY_LOST_RESTITUTION] = reported[OUT_ENERGY_LOST_FRICTION] = 0;
   reported[OUT_RESTITUTION] = impact.input[IN_CONTACT + CONTACT_RESTITUTION];
   reported[OUT_REGIME] = REGIME_SEPARATING;
-  for (int flag = 0; flag < FLAGS; ++flag)
-    result.flags[flag] = flag == FLAG_SEPARATING || (flag == FLAG_MASSLESS_SPIN && result.flags[flag]);
+  std::fill_n(result.flags, FLAGS, false);
+  result.flags[FLAG_SEPARATING] = true;
+  result.flags[FLAG_MASSLESS_SPIN] = has_massless_spin(impact.input) || has_massless_spin(impact.input + BODY);
   result.error_bound = 0;
   impact.precision = PRECISION_EXTENDED;
 }
@@ -88,7 +95,7 @@ Decision decide_approach(const double* input, const double* error) {
                threshold = input[IN_MODEL + MODEL_RESTITUTION_THRESHOLD];
   const auto n_u = exact_normal_velocity(input, input + BODY, input + IN_CONTACT + CONTACT_POSITION_X, normal);
   if (!n_u) return {};
-  if (!(n_u->sign() < 0)) return {n_u->rounded().h / std::hypot(normal[0], normal[1], normal[2]), {}};
+  if (!(n_u->sign() < 0)) return {velocity_along(*n_u, normal), {}};
   const bool has_threshold = threshold > 0 && input[IN_CONTACT + CONTACT_RESTITUTION] > 0;
   return {{}, has_threshold ? approach_below(*n_u, normal, threshold) : std::nullopt};
 }

@@ -162,16 +162,17 @@ struct BatchArrays {
   }
 };
 
-// Compute a column of a batch of doubles as resolve() computes one impact, with more digits where it takes them, and in
-// suitable units. False if that is left to Python; then no result is written.
-bool compute_alone(const Batch& batch, const Plan& plan, long at, unsigned char* precision) {
+// Compute a column of a batch of doubles as resolve() computes one impact: with more digits where it takes them, and in
+// suitable units. The status is 0 if there is no answer; or if its error bound, which has no place, is too large.
+void compute_alone(const Batch& batch, const Plan& plan, long at, unsigned char* precision) {
   OneImpact impact;
   const double no_error[INPUTS] = {};
   for (int i = 0; i < INPUTS; ++i)
     impact.input[i] = static_cast<const double*>(batch.row[i])[batch.is_shared[i] ? 0 : at];
-  if (compute_numbers(plan, no_error, impact) != ANSWERED) return false;
+  batch.status[at] = STATUS_UNSET;
+  if (compute_numbers(plan, no_error, impact) != ANSWERED) return;
   const ImpactResult& result = impact.result;
-  if (!(result.error_bound <= plan.target_bound)) return false;
+  if (!batch.result[Batch::ERROR_BOUND] && !(result.error_bound <= plan.target_bound)) return;
   auto put = [&](int place, double x) {
     if (batch.result[place]) static_cast<double*>(batch.result[place])[at] = x;
   };
@@ -190,7 +191,6 @@ bool compute_alone(const Batch& batch, const Plan& plan, long at, unsigned char*
     batch.regime[at] = static_cast<unsigned char>(result.reported[OUT_REGIME]);
     batch.adjustments[at] = static_cast<unsigned char>(impact.adjustments() & ~ADJUSTMENT_NORMALISED_ORIENTATION);
   }
-  return true;
 }
 
 }  // namespace
@@ -244,27 +244,25 @@ PyObject* batch(PyObject*, PyObject* const* args, Py_ssize_t count) {
   return Py_BuildValue("id", greatest_status, greatest_bound);
 }
 
-// resolve_columns(model, layout, bodies, contacts, settings, results, is_answered): compute each column as resolve()
-// does. The bodies of a contact are in its own column, and all numbers are doubles. Sets is_answered, which is false where
-// the column is left to Python. Releases the GIL.
+// resolve_columns(model, layout, bodies, contacts, settings, results): compute each column as resolve() does, as far as
+// the kernels know it; see compute_alone(). The bodies of a contact are in its own column, and all numbers are doubles.
+// Releases the GIL.
 PyObject* resolve_columns(PyObject*, PyObject* const* args, Py_ssize_t count) {
+  if (count != 6 || !PyTuple_Check(args[5]) || PyTuple_GET_SIZE(args[5]) != FIELDS)
+    return PyErr_Format(PyExc_TypeError, "resolve_columns() takes 6 arguments");
   Plan plan;
-  Array is_answered;
-  BatchArrays arrays;
-  PyObject* inputs[] = {args[2], Py_None, args[3], args[4]};
-  if (count != 7 || !PyTuple_Check(args[5]) || PyTuple_GET_SIZE(args[5]) != FIELDS)
-    return PyErr_Format(PyExc_TypeError, "resolve_columns() takes 7 arguments");
   if (!find_plan(args[0], plan)) return nullptr;
   const TableLayout& table = table_layouts[PyLong_AsLong(args[1])];
-  if (!arrays.open(inputs, args[5]) || !is_answered.open(args[6], true) ||
-      !arrays.are_valid(table, arrays.result[ERROR_BOUND].is_open()) || !arrays.is_double() ||
-      !is_answered.has('?', {arrays.count}))
+  PyObject* inputs[] = {args[2], Py_None, args[3], args[4]};
+  BatchArrays arrays;
+  if (!arrays.open(inputs, args[5]) || !arrays.are_valid(table, arrays.result[ERROR_BOUND].is_open()) ||
+      !arrays.is_double())
     return PyErr_Format(PyExc_TypeError, "resolve_columns() takes contiguous arrays of doubles");
   const Batch batch = arrays.make_batch(table, true, nullptr);
   auto* const precision = arrays.result[PRECISION].at<unsigned char>();
   {
     ReleasedGil released;
-    for (long at = 0; at < arrays.count; ++at) *is_answered.at<bool>(at) = compute_alone(batch, plan, at, precision);
+    for (long at = 0; at < arrays.count; ++at) compute_alone(batch, plan, at, precision);
   }
   Py_RETURN_NONE;
 }

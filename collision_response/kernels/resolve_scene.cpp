@@ -27,20 +27,22 @@ PyObject* find_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
 
 // resolve_clusters(layout, law, numbers, bodies, pairs, contacts, order, starts, results, wanted, from, to): resolve
 // the clusters wanted[from:to], without the GIL. `numbers` are the approach threshold, the restitution threshold, the
-// tangential restitution, the tolerance, the greatest error bound allowed, and the budget of ROUTH_STRONGE. The arrays
-// are those of batch/resolve_scenes.py, of the right shapes; `results` are the fields of a ScenesResult. Clusters that
+// tangential restitution, the tolerance, the greatest error bound allowed, the budget of ROUTH_STRONGE, and whether the
+// restitution threshold is not rounded. The arrays are those of batch/resolve_scenes.py, of the right shapes; `results` are the fields of a ScenesResult. Clusters that
 // are left to Python get the status 0, or keep theirs if no cluster is resolved here.
 PyObject* resolve_clusters(PyObject*, PyObject* args) {
   int layout;
   long from, to;
   ClusterOptions options{};
   double bound_limit;
+  int has_exact_threshold;
   PyObject *tables[5], *results, *wanted_clusters;
-  if (!PyArg_ParseTuple(args, "ii(dddddl)OOOOOO!Oll", &layout, &options.law, &options.threshold,
+  if (!PyArg_ParseTuple(args, "ii(dddddlp)OOOOOO!Oll", &layout, &options.law, &options.threshold,
                         &options.restitution_threshold, &options.tangential_restitution, &options.tolerance,
-                        &bound_limit, &options.springs.work, &tables[0], &tables[1], &tables[2], &tables[3], &tables[4],
-                        &PyTuple_Type, &results, &wanted_clusters, &from, &to))
+                        &bound_limit, &options.springs.work, &has_exact_threshold, &tables[0], &tables[1], &tables[2],
+                        &tables[3], &tables[4], &PyTuple_Type, &results, &wanted_clusters, &from, &to))
     return nullptr;
+  options.has_exact_threshold = has_exact_threshold;
   if (!options.is_for_clusters()) Py_RETURN_NONE;
   TableClusters clusters{table_layouts[layout], options, bound_limit};
   Array wanted;
@@ -292,8 +294,12 @@ PyObject* resolve_scene(PyObject*, PyObject* const* args, Py_ssize_t count) {
   if (count != 5) return PyErr_Format(PyExc_TypeError, "resolve_scene() takes 5 arguments");
   Plan plan;
   if (!find_plan(args[3], plan)) return nullptr;
-  ClusterOptions options{0, PyFloat_AsDouble(args[4]), plan.settings[MODEL_RESTITUTION_THRESHOLD],
-                         plan.settings[MODEL_TANGENTIAL_RESTITUTION], plan.settings[MODEL_TOLERANCE]};
+  ClusterOptions options{0,
+                         PyFloat_AsDouble(args[4]),
+                         plan.settings[MODEL_RESTITUTION_THRESHOLD],
+                         plan.settings[MODEL_TANGENTIAL_RESTITUTION],
+                         plan.settings[MODEL_TOLERANCE],
+                         plan.errors[MODEL_RESTITUTION_THRESHOLD] == 0};
   if (PyErr_Occurred()) return nullptr;
   Tuple lists[3];
   for (int i = 0; i < 3; ++i) {

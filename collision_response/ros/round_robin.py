@@ -30,13 +30,15 @@ TIME_SLICE = 0.002
 class Job:
     """The work for one request: the steps that send its answer, and what sends an error instead.
 
-    ``spent`` is its computing time so far [s], ``deadline`` when it stops waiting [s], if it waits.
+    ``spent`` is its computing time so far [s], ``deadline`` when it stops waiting [s], if it waits, and
+    ``has_waited`` whether it has been resumed.
     """
 
     steps: Steps[None]
     send_refusal: Callable[[ImpactError], None]
     spent: float = 0.0
     deadline: float = 0.0
+    has_waited: bool = False
 
     def refuse(self, error: ImpactError) -> None:
         """Abandon the work and answer with an error."""
@@ -47,7 +49,8 @@ class Job:
 class RoundRobin:
     """The jobs of all clients. The clients take turns, and each client's jobs begin in order.
 
-    A job that waits lets the client's next jobs pass, and goes on behind them. One that needs what another
+    A job that waits lets the client's next jobs pass. The first time that it is resumed, it goes on before
+    them, and later behind them: jobs that look again and again keep none waiting. One that needs what another
     thread computes keeps its place, so the next jobs wait for it.
 
     ``over_budget`` returns the error with which to end a job that has used this much computing time [s], or
@@ -115,7 +118,12 @@ class RoundRobin:
         resumed = [(client, job) for client, job in self._waiting if job.deadline <= latest]
         self._waiting = [(client, job) for client, job in self._waiting if job.deadline > latest]
         for client, job in resumed:
-            self.add(client, job)
+            if job.has_waited:
+                self.add(client, job)
+        for client, job in reversed(resumed):
+            if not job.has_waited:
+                job.has_waited = True
+                self._queues.setdefault(client, deque()).appendleft(job)
 
     def drop(self, client: Hashable) -> int:
         """Drop all jobs of a client without an answer, and return how many there were."""

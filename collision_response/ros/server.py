@@ -221,7 +221,7 @@ class Server:
     def _refuse_unread(self, start: float, end: float) -> int:
         """Refuse the requests that wait, until a time [s], and return how many there were.
 
-        They are not read, which takes longer than to refuse them. ``start`` is when the shutdown began [s].
+        They are not read: that would take longer than the refusal. ``start`` is when the shutdown began [s].
         """
         number = 0
         for endpoint, waitable in zip(self._endpoints.values(), self._waitables, strict=True):

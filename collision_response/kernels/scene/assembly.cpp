@@ -75,11 +75,12 @@ bool Assembly::approach_is_uncertain() const {
   return std::none_of(contacts.begin(), contacts.end(), approaches) && !surely_separates();
 }
 
-std::optional<bool> Assembly::approaches_below(const AssembledContact& contact, double threshold) const {
+std::optional<bool> Assembly::approaches_below(const AssembledContact& contact, double threshold, bool is_exact) const {
   const double speed = -contact.axes[0].velocity;
   if (!(speed > 0)) return false;
   if (std::fabs(speed - threshold) > threshold * 0x1p-50 + width(contact.velocity) / contact.length)
     return speed < threshold;
+  if (!is_exact) return {};
   const double resting[BODY] = {INFINITY};
   auto numbers_of = [&](int side) { return body_of(contact, side) ? body_of(contact, side)->x : resting; };
   const auto n_u = exact_normal_velocity(numbers_of(0), numbers_of(1), contact.point, contact.normal);

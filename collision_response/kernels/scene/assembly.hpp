@@ -58,8 +58,9 @@ struct Assembly {
   bool surely_separates() const;
   // Whether no contact seems to approach, but one may, within the error of its velocity.
   bool approach_is_uncertain() const;
-  // Whether a contact approaches, slower than a threshold [m/s]; unknown if doubles cannot tell.
-  std::optional<bool> approaches_below(const AssembledContact& contact, double threshold) const;
+  // Whether a contact approaches, slower than a threshold [m/s]; unknown if doubles cannot tell, as for speeds that nearly
+  // agree if the threshold was rounded.
+  std::optional<bool> approaches_below(const AssembledContact& contact, double threshold, bool is_exact) const;
 
   // What happens along the unit normal and two tangents of a contact, in the digits of R. The velocities of the bodies,
   // and the arms, may nearly cancel, so their differences are taken in double-double.

@@ -44,7 +44,8 @@ ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& options, c
   if (!decided && (assembly.is_locked || assembly.approach_is_uncertain())) return result;
   for (AssembledContact& contact : assembly.contacts) {
     if (!(options.restitution_threshold > 0 && contact.e > 0)) continue;
-    const std::optional<bool> is_below = assembly.approaches_below(contact, options.restitution_threshold);
+    const std::optional<bool> is_below =
+        assembly.approaches_below(contact, options.restitution_threshold, options.has_exact_threshold);
     if (!is_below) return result;
     if (!*is_below) continue;
     contact.e = options.law == LAW_ROUTH_STRONGE ? std::fmin(contact.e, LEAST_SPRING_RESTITUTION) : 0;

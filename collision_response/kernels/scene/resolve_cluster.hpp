@@ -12,6 +12,7 @@ struct ClusterOptions {
   int law;
   double threshold, restitution_threshold, tangential_restitution;
   double tolerance;  // greatest error bound wanted, with friction; 0 for the default
+  bool has_exact_threshold;  // whether restitution_threshold is not rounded
   SpringOptions springs{};
 
   // Whether the law resolves several contacts at once. If not, Python raises the error.

@@ -199,7 +199,9 @@ class _TapeWriter:
         if node.op == "call":
             return f"N {self.prefix}{index}[{self.tape.count_results(index)}];"
         number = self._type(index, cpp_type)
-        return f"{f'Condition<{number}>' if self._is_condition(index) else number} {self.prefix}{index};"
+        if self._is_condition(index):  # it has a value where nobody computes it: others are combined with it
+            return f"Condition<{number}> {self.prefix}{index}{{}};"
+        return f"{number} {self.prefix}{index};"
 
     def _type(self, index: int, cpp_type: CppType) -> str:
         return f"Pair<{_SPELLING[cpp_type]}>" if self.tape.nodes[index].value == PAIR else _SPELLING[cpp_type]
