@@ -32,7 +32,7 @@ from collision_response import (
     StatusCode,
     resolve,
 )
-from collision_response.batch import resolve_batch
+from collision_response.batch import one_by_one, resolve_batch
 from collision_response.batch.rows import body_rows, contact_rows
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")  # NumPy must not warn
@@ -264,8 +264,20 @@ def test_the_rounding_of_a_model_counts_in_a_batch(fields, friction, velocity_a,
     contact = Contact.of((0, 0, 0), (0, 0, 1), 0.5, friction)
     model = ImpactModel(Law.COULOMB, Geometry.POINT, precision, tolerance=1e-9, **fields)
     alone = resolve(*bodies, contact, model)
-    result = resolve_batch(
-        *batch_of([(*bodies, contact)], Geometry.POINT, oriented=False), model, report=True
-    )
-    assert differences_to_impact(Geometry.POINT, result, 0, alone) == []
-    assert (result.error_bound[0], result.precision[0]) == (alone.error_bound, alone.model.precision)
+    table, contacts = batch_of([(*bodies, contact)], Geometry.POINT, oriented=False)
+    for result in (
+        resolve_batch(table, contacts, model, report=True),
+        resolve_batch(table[..., 0], contacts, model, pairs=[[0], [1]], report=True),
+    ):
+        assert differences_to_impact(Geometry.POINT, result, 0, alone) == []
+        assert (result.error_bound[0], result.precision[0]) == (alone.error_bound, alone.model.precision)
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+def test_the_rounding_of_a_tolerance_changes_no_number(monkeypatch, geometry):
+    arrays = pack(geometry, sound_collisions(geometry))
+    plain = resolve_batch(*arrays, ImpactModel(tolerance=1e-9))
+    monkeypatch.setattr(one_by_one, "resolve", lambda *_: pytest.fail("a row was left to Python"))
+    result = resolve_batch(*arrays, ImpactModel(tolerance=Fraction(1, 10**9)))
+    for name, a, b in zip(plain._fields, plain, result, strict=True):
+        np.testing.assert_array_equal(a, b, err_msg=name)
