@@ -4,7 +4,8 @@ A request takes this path:
 
 1. ``kernels/resolve.cpp`` looks up the model's plan (``plan_model`` in ``model.py``), reads the bodies and
    the contact, checks them by the rules of ``validity.py``, and computes the formulas of ``impact.py`` in the
-   first precision of the plan, then in the next ones, until the error bound is low enough. Nearly every
+   first precision of the plan, then in the next ones, until the error bound is low enough. Whether bodies
+   approach, and below the threshold, is decided without rounding where digits may not tell. Nearly every
    request ends here.
 2. Otherwise :func:`_resolve_in_python` takes over. If the bound is still too large, or nothing is known of
    the answer, ``in_python/arbitrary_precision.py`` computes with as many digits as it takes. The other

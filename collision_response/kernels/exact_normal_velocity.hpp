@@ -92,13 +92,14 @@ inline std::optional<std::array<double, 3>> effective_spin(const double* body) {
 inline std::optional<ExactSum> exact_normal_velocity(const double* body_a, const double* body_b, const double* point,
                                                      const double* normal) {
   ExactSum n_u;
-  for (const double* body : {body_a, body_b}) {
+  for (int side = 0; side < 2; ++side) {
+    const double* body = side ? body_b : body_a;
     const auto spin = effective_spin(body);
     if (!spin) return {};
     const double *v = body + BODY_VELOCITY_X, *w = spin->data(), *position = body + BODY_POSITION_X;
     for (int k = 0; k < 3; ++k) {
       const int i = (k + 1) % 3, j = (k + 2) % 3;
-      const double n = body == body_a ? normal[k] : -normal[k];
+      const double n = side ? -normal[k] : normal[k];
       n_u.add_product(n, v[k]);
       n_u.add_product(n, w[i], point[j]);
       n_u.add_product(-n, w[i], position[j]);

@@ -28,8 +28,9 @@ PyObject* find_clusters(PyObject*, PyObject* const* args, Py_ssize_t count) {
 // resolve_clusters(layout, law, numbers, bodies, pairs, contacts, order, starts, results, wanted, from, to): resolve
 // the clusters wanted[from:to], without the GIL. `numbers` are the approach threshold, the restitution threshold, the
 // tangential restitution, the tolerance, the greatest error bound allowed, the budget of ROUTH_STRONGE, and whether the
-// restitution threshold is not rounded. The arrays are those of batch/resolve_scenes.py, of the right shapes; `results` are the fields of a ScenesResult. Clusters that
-// are left to Python get the status 0, or keep theirs if no cluster is resolved here.
+// restitution threshold is not rounded. The arrays are those of batch/resolve_scenes.py, of the right shapes; `results`
+// are the fields of a ScenesResult. Clusters that are left to Python get the status 0, or keep theirs if no cluster is
+// resolved here.
 PyObject* resolve_clusters(PyObject*, PyObject* args) {
   int layout;
   long from, to;
