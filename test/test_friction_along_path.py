@@ -319,6 +319,50 @@ def test_slip_stays_at_a_speed_at_which_friction_jumps_upwards():
         assert found.error_bound < 1e-8
 
 
+def impulse_held_by_a_peak(law, b, A, k, slip, approach, low, high, foot, width):
+    """The impulse with ``e = 1`` of planar slip that grows up to a ramp of friction, and stays on it.
+
+    Below the ramp, friction is ``low``. On it the speed is ``foot + depth (1 - exp(-q / decay))``, with the
+    normal impulse ``q`` since then.
+    """
+    steepness = (high - low) / width
+    depth, decay = (b - A * low) / (A * steepness), 1 / (A * steepness)
+    before = (foot - slip) / (b - A * low)
+
+    def state(p):
+        """Tangential impulse, normal velocity, and its work, after a normal impulse ``p``."""
+        first, q = min(p, before), max(p - before, 0.0)
+        fading = decay * -math.expm1(-q / decay)  # the integral of the exponential
+        on_ramp, most = low + steepness * depth, steepness * depth
+        P_t = low * first + on_ramp * q - most * fading
+        integral = low * first**2 / 2 + low * first * q + on_ramp * q**2 / 2 - most * decay * (q - fading)
+        return P_t, -approach + k * p - b * P_t, -approach * p + k * p**2 / 2 - b * integral
+
+    def root(i, least, most):
+        for _ in range(200):
+            middle = (least + most) / 2
+            least, most = (middle, most) if state(middle)[i] < 0 else (least, middle)
+        return least
+
+    p_c = root(1, 0.0, 100.0)
+    p = 2 * p_c if law is Law.ROUTH_POISSON else root(2, p_c, 100.0)
+    return state(p)[0], 0.0, p
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("width", [0.05, 0.1, 0.3])
+@pytest.mark.parametrize("foot", [0.4, 0.8, 1.0, 1.3, 2.0, 2.4])
+def test_a_narrow_peak_of_friction_holds_the_slip(foot, width, law):
+    """Below the peak the slip changes at a constant rate, so nothing else keeps steps short."""
+    w = width * foot
+    peak = tabulated([foot, foot + w / 4, foot + 3 * w / 4, foot + w], [0.1, 0.7, 0.7, 0.1])
+    K = (3.4, 0, -1.2), (0, 1, 0), (-1.2, 0, 1.6)
+    impact = follow(K, (-0.25, 0.0, -4.0), 1.0, peak, law)
+    held = impulse_held_by_a_peak(law, 1.2, 3.4, 1.6, 0.25, 4.0, 0.1, 0.7, foot, w / 4)
+    error = math.dist(impact.impulse, held) / math.hypot(*held)
+    assert error <= impact.error_bound < 1e-6
+
+
 def test_the_error_is_within_the_bound_and_tolerances_are_met_or_reported():
     mobilities = itertools.cycle(
         (ROD, SHORT, OBLIQUE, SPHERE, OBLIQUE)

@@ -94,6 +94,14 @@ STEP_SHARE = 1 / 16
 LEAST_SHARE = 1e-3
 """Greatest error of a step in units of the slip, however small: its direction decides whether it grows."""
 
+SPEED_SHARE = 1 / 2
+SPEED_ORDER = 0.1
+"""No step changes the speed of slip by more than ``SPEED_SHARE * tolerance**SPEED_ORDER`` of it. Friction may have a
+narrow peak that holds the slip: longer steps, which constant friction would allow, jump over it."""
+
+SLOWEST = 1 / 64
+"""Slip below this part of the approach speed may change by more than that part of its speed."""
+
 STRAIGHT = 1 / 16
 """The part of the tolerance of the path that a straight step may neglect."""
 
@@ -215,6 +223,7 @@ class PathFollower:
         self._h_size = math.hypot(*self._h)
         self._l2 = path.least_eigenvalue()
         self._least_slip = path.tolerance * self._l2
+        self._speed_share = SPEED_SHARE * path.tolerance**SPEED_ORDER
 
     def follow(self, v1: float, v2: float) -> tuple[Point, Regime] | None:
         """The end of the path for a first slip, and the regime; ``None`` if it does not end."""
@@ -299,6 +308,8 @@ class PathFollower:
         """``length``, limited to before the stop of slip and just beyond the end of the phase."""
         if at.g < 0:
             length = min(length, LONGEST * at.s / -at.g)
+        if at.g != 0:
+            length = min(length, self._speed_share * max(at.s, SLOWEST) / abs(at.g))
         if y.p_c == 0:
             return min(length, BEYOND * -y.u / at.r) if at.r > 0 else length
         return min(length, BEYOND * self._distance(y, at.c, at.m / at.c * at.s, at.r))
