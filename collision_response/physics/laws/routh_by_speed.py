@@ -9,7 +9,8 @@ turn in both phases and stop more than once. The slip ``v = u_t`` obeys an equat
 f(v)``. The method of ``dormand_prince.py`` integrates it, and everything else along with it.
 
 **Steps.** ``f`` is smooth except where slip stops and where ``mu`` is not smooth. No step goes farther than
-``LONGEST`` of the way to the stop, so steps shrink with the slip. Slip counts as stopped when it is below
+``LONGEST`` of the way to the stop, so steps shrink with the slip; nor changes the speed so much that it could
+jump over a peak of ``mu``. Slip counts as stopped when it is below
 ``l2`` times the tolerance, with the least eigenvalue ``l2`` of ``A``: the impulse that stops it, ``A^-1 v``,
 is then below the tolerance.
 
@@ -96,8 +97,8 @@ LEAST_SHARE = 1e-3
 
 SPEED_SHARE = 1 / 2
 SPEED_ORDER = 0.1
-"""No step changes the speed of slip by more than ``SPEED_SHARE * tolerance**SPEED_ORDER`` of it. Friction may have a
-narrow peak that holds the slip: longer steps, which constant friction would allow, jump over it."""
+"""No step changes the speed of slip by more than ``SPEED_SHARE * tolerance**SPEED_ORDER`` of it. Friction may
+have a narrow peak that holds the slip: longer steps, which constant friction would allow, jump over it."""
 
 SLOWEST = 1 / 64
 """Slip below this part of the approach speed may change by more than that part of its speed."""
