@@ -44,7 +44,11 @@ void Cones<R>::prepare() {
     const double slip = std::hypot(high(cone.w[1]), high(cone.w[2]));
     fastest_slip = std::fmax(fastest_slip, std::fmax(std::fabs(high(cone.w[0])), slip));
   }
-  for (const Cone<R>& cone : cones) stiffest = std::fmax(stiffest, stiffness(cone));
+  sigma.reserve(cones.size());
+  for (const Cone<R>& cone : cones) {
+    sigma.push_back(stiffness(cone));
+    stiffest = std::fmax(stiffest, sigma.back());
+  }
   equations.lay_out(cones, graph);
   if (!is_scalar<R>) rounded_equations.lay_out(cones, graph);
 }
@@ -137,7 +141,6 @@ bool Cones<R>::lagrangian_step(double size, std::vector<Axes> Q, bool from_start
   constexpr double LESS = 1e-4;  // part of the slope by which a step must reduce the value
   rho = size;
   from = std::move(Q);
-  Vector trial, best;
   if (from_start) {
     trial = x;
     evaluate(x, true);
@@ -183,7 +186,7 @@ bool Cones<R>::lagrangian_step(double size, std::vector<Axes> Q, bool from_start
       evaluate(x, false);
       return true;
     }
-    x = trial;
+    x.swap(trial);
     value = now;
   }
   return off <= CONVERGED * small;
@@ -305,8 +308,8 @@ typename Cones<R>::Bounds Cones<R>::motion_bounds(double rounding) const {
     cone.add_effect(Axes{-lambda[i], R{}, R{}}, dual);
     const R off = cone.velocity(y.data())[0] - kept_velocities[i];
     const double size = std::fabs(high(kept_velocities[i])), lost = rounding * (size + size_near(cone, y));
-    const double r = std::fabs(high(off + (lambda[i] - multipliers[i]) / stiffness(cone))) + lost;
-    of_round += stiffness(cone) * r * r / 2;
+    const double r = std::fabs(high(off + (lambda[i] - multipliers[i]) / sigma[i])) + lost;
+    of_round += sigma[i] * r * r / 2;
     of_kept += std::fabs(high(off)) + lost;
     if (is_firm()) of_sticking += sticking[i] * (std::fabs(high(off)) + lost);
     const double slip = std::hypot(high(cone.w[1]), high(cone.w[2]));
@@ -331,8 +334,8 @@ template <class R>
 double Cones<R>::stiffness(const Cone<R>& cone) const {
   constexpr double LIGHT = 10;  // as many times less than the greatest load, and as great a coefficient
   const double light = std::fmax(std::fmin(cone.mu, 1 / cone.load) / LIGHT, 1);
-  const double sigma = is_firm() ? FIRM_SIGMA : SIGMA;
-  return cone.part * cone.part * cone.part * sigma * std::fmax(1, fastest_slip / effect_of_loads) * (light * light);
+  const double usual = is_firm() ? FIRM_SIGMA : SIGMA;
+  return cone.part * cone.part * cone.part * usual * std::fmax(1, fastest_slip / effect_of_loads) * (light * light);
 }
 
 // Returns the value to minimise at (eta, lambda); sets its gradient, P, z and slopes. `holding`: as if all contacts
@@ -348,8 +351,8 @@ R Cones<R>::evaluate(const Vector& at, bool holding) {
   for (const R& v : y) value += v * v / 2;
   for (size_t i = 0; i < kept_velocities.size(); ++i) {
     const R by = lambda[i] - multipliers[i];
-    gradient[6 * body_count + i] = cones[i].velocity(y.data())[0] - kept_velocities[i] + by / stiffness(cones[i]);
-    value += by * by / (2 * stiffness(cones[i])) - kept_velocities[i] * lambda[i];
+    gradient[6 * body_count + i] = cones[i].velocity(y.data())[0] - kept_velocities[i] + by / sigma[i];
+    value += by * by / (2 * sigma[i]) - kept_velocities[i] * lambda[i];
   }
   for (size_t i = 0; i < cones.size(); ++i) {
     const Cone<R>& cone = cones[i];
@@ -392,7 +395,7 @@ template <class R>
 template <class T>
 void Cones<R>::solve(NewtonEquations<T>& system) {
   system.begin();
-  for (size_t i = 0; i < kept_velocities.size(); ++i) system.add_at_multiplier(i, 1 / stiffness(cones[i]));
+  for (size_t i = 0; i < kept_velocities.size(); ++i) system.add_at_multiplier(i, 1 / sigma[i]);
   for (size_t i = 0; i < cones.size(); ++i) system.add_contact(cones[i], slopes[i], own_step(cones[i]));
   system.solve(gradient, step);
 }

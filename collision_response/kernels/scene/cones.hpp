@@ -101,6 +101,7 @@ class Cones {
 
   int body_count;
   double fastest_slip = 0;  // the greatest w along a normal, or across it
+  std::vector<double> sigma;  // of each cone
   double stiffest = 0;  // the greatest sigma
   Vector x;  // eta, lambda
   std::vector<Axes> z;  // w + B eta
@@ -109,6 +110,7 @@ class Cones {
   double greatest_rho = GREATEST_RHO;  // of refine(): less where Newton's method did not converge for it
   std::vector<Axes> from;  // Q
   Vector gradient, step, effect;  // of x
+  Vector trial, best;  // x that lagrangian_step() tries
   std::vector<Slope> slopes;  // of the projections on the cones
   NewtonEquations<R> equations;
   NewtonEquations<double> rounded_equations;  // of double-double

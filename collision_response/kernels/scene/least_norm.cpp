@@ -115,6 +115,7 @@ class NullSpace {
     const int count = static_cast<int>(weight.size());
     for (size_t k = 0; k < basis.size(); ++k) {
       Z.emplace_back(count);
+      used[k].reserve(count);
       for (int i = 0; i < count; ++i) Z[k][i] = weight[i] * rounded_to<R>(basis[k][i]);
       for (int turn = 0; turn < 2; ++turn)  // twice is enough
         for (size_t before = 0; before < k; ++before) add(Z[k], -along(Z[k], before), before);

@@ -57,35 +57,41 @@ class Skyline {
   void solve(const std::vector<T>& b, std::vector<T>& x) {
     const int count = rows.size();
     const auto& [place, first, start] = rows;
-    std::vector<R>& M = entries;
+    auto row_of = [&](int i) { return entries.data() + start[i] - first[i]; };
     for (int i = 0; i < count; ++i) rhs[place[i]] = -rounded_to<R>(b[i]);
     for (int k = 0; k < count; ++k) {
-      R& pivot = M[start[k + 1] - 1];
+      R& pivot = row_of(k)[k];
       pivot = high(pivot) > 0 ? constant<R>(1) / root(pivot) : constant<R>(0x1p-200);
       rhs[k] = rhs[k] * pivot;
+      // All at once: a processor waits if it loads two numbers together that have just been stored one by one.
+      for (int i = k + 1; i < end[k]; ++i) column[i] = first[i] > k ? R{} : row_of(i)[k] * pivot;
       for (int i = k + 1; i < end[k]; ++i) {
-        column[i] = R{};
         if (first[i] > k) continue;
-        R* row = &M[start[i]] + (k - first[i]);
-        const R entry = column[i] = row[0] = row[0] * pivot;
-        for (int j = k + 1; j <= i; ++j) {
-          SumOfProducts<R> sum{row[j - k]};
-          sum.add(-entry, column[j]);
-          row[j - k] = sum.total();
-        }
-        rhs[i] -= entry * rhs[k];
+        R* row = row_of(i) + k;
+        row[0] = column[i];
+        add_multiple(row + 1, -column[i], column.data() + k + 1, i - k);
+        rhs[i] -= column[i] * rhs[k];
         work += i - k;
       }
     }
     for (int i = count; i-- > 0;) {
-      const R* row = &M[start[i]];
-      rhs[i] = rhs[i] * row[i - first[i]];
-      for (int j = first[i]; j < i; ++j) rhs[j] -= row[j - first[i]] * rhs[i];
+      const R* row = row_of(i);
+      rhs[i] = rhs[i] * row[i];
+      for (int j = first[i]; j < i; ++j) rhs[j] -= row[j] * rhs[i];
     }
     for (int i = 0; i < count; ++i) x[i] = lifted<T>(rhs[place[i]]);
   }
 
  private:
+  // y += by x
+  INLINE void add_multiple(R* __restrict y, R by, const R* __restrict x, int count) {
+    for (int k = 0; k < count; ++k) {
+      SumOfProducts<R> sum{y[k]};
+      sum.add(by, x[k]);
+      y[k] = sum.total();
+    }
+  }
+
   SkylineRows rows;
   std::vector<int> end;  // of each column, below its last row
   std::vector<R> rhs, column;
@@ -169,7 +175,9 @@ struct ContactGraph {
 
   // Groups of coupled variables: first for each body, its own and those of its contacts.
   std::vector<std::vector<int>> groups() const {
+    constexpr size_t FEW = 16;  // variables: memory for one after the other takes as long as the arithmetic
     std::vector<std::vector<int>> groups(body_count);
+    for (std::vector<int>& group : groups) group.reserve(FEW);
     auto add_body = [](int body, std::vector<int>& group) {
       for (int k = 0; k < 6; ++k) group.push_back(6 * body + k);
     };
