@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import doctest
 import math
+import threading
+from decimal import Decimal
 from fractions import Fraction
 from itertools import product
 
@@ -27,8 +29,10 @@ from batch_cases import (
     shared_batch,
 )
 from collisions import LAWS_WITH_ORACLE
+from programs import run_python
 
 import collision_response.batch.pairs
+import collision_response.batch.threads
 from collision_response import (
     Adjustment,
     Body,
@@ -47,6 +51,7 @@ from collision_response.batch import (
     contact_rows,
     independent_sets,
     resolve_batch,
+    resolve_scenes,
     scatter_velocities,
 )
 from collision_response.batch.result import ENERGIES, REPORT, REPORTED_ADJUSTMENTS
@@ -133,11 +138,64 @@ def test_pairs_may_be_repeated_and_swapped():
     np.testing.assert_array_equal(both.impulse[:, 2], -both.impulse[:, 0])
 
 
+@pytest.mark.parametrize("number", [0.125, Fraction(1, 10), Decimal("0.1"), np.longdouble("0.1")])
+@pytest.mark.parametrize("name", ["restitution_threshold", "tangential_restitution"])
+def test_numbers_of_a_model_that_are_no_floats_change_no_status(name, number):
+    table, pairs, contacts = crowded_table()
+    model = ImpactModel(Law.COULOMB, tolerance=1e-9, **{name: number})
+    rounded = ImpactModel(Law.COULOMB, tolerance=1e-9, **{name: float(number)})
+    for ask in (resolve_batch, resolve_scenes):
+        statuses = (ask(table, contacts, some, pairs=pairs).status for some in (model, rounded))
+        np.testing.assert_array_equal(*statuses)
+
+
 @pytest.mark.parametrize("workers", [2, 3])
 def test_threads_give_the_same_bits(workers):
     table, pairs, contacts = crowded_table(contacts=5000)
     shared = resolve_batch(table, contacts, pairs=pairs, workers=workers)
     assert_same(shared, resolve_batch(table, contacts, pairs=pairs))
+
+
+@pytest.mark.parametrize("most", [0, 1, 2])
+def test_contacts_are_resolved_if_the_system_starts_no_more_threads(monkeypatch, most):
+    table, pairs, contacts = crowded_table(contacts=5000)
+    started = []
+
+    class FewThreads(threading.Thread):
+        def start(self):
+            if len(started) == most:
+                raise RuntimeError("can't start new thread")
+            started.append(self)
+            super().start()
+
+    monkeypatch.setattr(collision_response.batch.threads, "Thread", FewThreads)
+    shared = resolve_batch(table, contacts, pairs=pairs, workers=4)
+    assert len(started) == most
+    assert not any(thread.is_alive() for thread in started)
+    assert_same(shared, resolve_batch(table, contacts, pairs=pairs))
+
+
+AFTER_THE_MAIN_THREAD = """
+import threading
+import numpy as np
+from collision_response import Geometry
+from collision_response.batch import body_rows, contact_rows, resolve_batch
+
+def simulate():
+    threading.main_thread().join()
+    rows, contact = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    bodies, contacts = np.zeros((rows.height, 2, 4096)), np.zeros((contact.height, 4096))
+    bodies[rows.mass], bodies[rows.velocity, 0] = 1, -1
+    contacts[contact.normal] = 1
+    print(set(resolve_batch(bodies, contacts, workers=2).status.tolist()))
+
+threading.Thread(target=simulate).start()
+"""
+
+
+def test_workers_share_a_batch_after_the_main_thread_has_ended():
+    run = run_python("-c", AFTER_THE_MAIN_THREAD)
+    assert (run.stdout, run.stderr) == (f"{{{int(StatusCode.OK)}}}\n", "")
 
 
 def test_float32():

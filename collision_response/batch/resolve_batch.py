@@ -30,10 +30,9 @@ A contact that cannot be resolved gets its own status and NaN for results; it do
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator
 from itertools import combinations, product
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -55,12 +54,8 @@ from .dask_arrays import resolve_lazily
 from .one_by_one import resolve_one_by_one
 from .pairs import as_pairs
 from .plan import BatchRequest
-from .result import BatchResult
-
-T = TypeVar("T")
-
-CACHE_LINE = 64
-"""Contacts whose status fills a cache line. Parts begin at multiples, so no two threads write one line."""
+from .result import BatchResult, names_bodies
+from .threads import run_in_parts
 
 CONTACTS_PER_WORKER = 1024
 """With fewer contacts, another worker takes longer to start than it saves."""
@@ -206,7 +201,7 @@ def _refine(
         return
     out.precision[:] = plan.first_precision
     if any(plan.settings_errors._replace(tolerance=0.0)):  # which the kernels of batches do not count
-        columns = np.arange(out.status.size)
+        columns = np.flatnonzero(names_bodies(out.status))
         yield from resolve_one_by_one(request.select(columns), out, columns)
         return
     if worst_status <= StatusCode.SEPARATING and worst_bound <= plan.target_bound:
@@ -309,15 +304,6 @@ def _run(
         return run(start, stop)
     worst = [part for part in run_in_parts(run, start, stop, threads) if part is not None]
     return (max(status for status, _ in worst), max(bound for _, bound in worst)) if worst else None
-
-
-def run_in_parts(work: Callable[[int, int], T], start: int, stop: int, threads: int) -> list[T]:
-    """Return the results of ``work(start, stop)`` for parts of a range, each in a thread."""
-    if threads <= 1:
-        return [work(start, stop)]
-    cuts = [start + (stop - start) * i // threads // CACHE_LINE * CACHE_LINE for i in range(threads)]
-    with ThreadPoolExecutor(threads) as pool:
-        return list(pool.map(work, cuts, [*cuts[1:], stop]))
 
 
 def _check_out(request: BatchRequest, out: BatchResult) -> None:

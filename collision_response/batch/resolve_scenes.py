@@ -40,8 +40,9 @@ from .arrays import Array, as_numpy, compared_by_identity
 from .one_by_one import body_of, contact_of
 from .pairs import IS_ANSWER, as_pairs
 from .plan import BatchRequest
-from .resolve_batch import resolve_batch, run_in_parts
-from .result import ENERGIES, REPORTED_ADJUSTMENTS, UINT8
+from .resolve_batch import resolve_batch
+from .result import ENERGIES, REPORTED_ADJUSTMENTS, UINT8, names_bodies
+from .threads import run_in_parts
 
 CLUSTERS_PER_WORKER = 64
 """With fewer clusters, another worker takes longer to start than it saves."""
@@ -186,7 +187,7 @@ def _resolve_single_contacts(
     result.decision_margin[clusters[IS_ANSWER[found.status]]] = np.inf
     for field in (*ENERGIES, "adjustments"):
         getattr(result, field)[clusters] = getattr(found, field)
-    has_bodies = ~np.isin(found.status, (StatusCode.SAME_BODY, StatusCode.UNKNOWN_BODY))
+    has_bodies = names_bodies(found.status)
     for side, column in enumerate(own_pairs[:, has_bodies]):
         movable = bodies[0, column] < np.inf
         velocity = found.velocity[:, side, has_bodies]

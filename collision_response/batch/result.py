@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..model import Adjustment, ImpactModel, Precision
+from ..status import StatusCode
 from .arrays import compared_by_identity
 from .rows import BodyRows
 
@@ -65,6 +66,11 @@ ENERGIES = REPORT[1:-1]
 
 REPORTED_ADJUSTMENTS = ~Adjustment.NORMALISED_ORIENTATION
 """Tables take quaternions of any length."""
+
+
+def names_bodies(status: Any) -> Any:
+    """Whether the pair of each contact names two bodies of the table, by the status of the contact."""
+    return ~np.isin(status, (StatusCode.SAME_BODY, StatusCode.UNKNOWN_BODY))
 
 
 def is_bounded(model: ImpactModel) -> bool:
