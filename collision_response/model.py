@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import math
 from enum import IntFlag
+from numbers import Number
 from typing import Any, NamedTuple
 
 from .arguments import check_number
 from .named_enum import NamedEnum
-from .numbers.operations import ROUNDOFF
+from .numbers.operations import ROUNDOFF, of_python
 from .physics.laws import PATHS, STEPPED, Settings
 from .physics.laws import Law as Law
 from .physics.stiffness import METAL_ON_METAL
@@ -129,6 +130,8 @@ class ModelPlan(NamedTuple):
         bound_limit: the error bound above which the answer does not meet the tolerance; >= ``target_bound``.
         settings: the numbers of the model, as floats.
         settings_errors: the rounding errors of those conversions to float.
+        may_be_kept: whether the plan holds for later calls with the same model, because its numbers never
+            change. An array of no dimensions may.
     """
 
     law_without_friction: Law
@@ -140,6 +143,7 @@ class ModelPlan(NamedTuple):
     bound_limit: float
     settings: Settings
     settings_errors: Settings
+    may_be_kept: bool
 
 
 def plan_model(model: ImpactModel) -> ModelPlan:
@@ -164,6 +168,7 @@ def plan_model(model: ImpactModel) -> ModelPlan:
         bound_limit=limit,
         settings=settings,
         settings_errors=Settings(*map(_conversion_error, settings, given)),
+        may_be_kept=all(isinstance(number, Number) for number in given),
     )
 
 
@@ -244,8 +249,9 @@ ULP = 2.0**-52
 
 
 def model_as_used(model: ImpactModel, law: int, geometry: int, precision: int) -> ImpactModel:
-    """Return the model with the law, geometry and precision that were used."""
-    return model._replace(law=Law(law), geometry=Geometry(geometry), precision=Precision(precision))
+    """Return the model with the law, geometry and precision that were used, and numbers that never change."""
+    fixed = ImpactModel(*(x if isinstance(x, Number) else of_python(x) for x in model))
+    return fixed._replace(law=Law(law), geometry=Geometry(geometry), precision=Precision(precision))
 
 
 def check_model(model: Any) -> None:

@@ -332,6 +332,18 @@ class TestErrorsSayWhatToWrite:
         with pytest.raises(TypeError, match=r"contact: must be a Contact, made by Contact\.of\(\.\.\.\)"):
             resolve(BALL, FLOOR, ((0, 0, 0), (0, 0, 1), 0.5, 0.0))
 
+    @pytest.mark.parametrize("law", list(Law))
+    @pytest.mark.parametrize("geometry", list(Geometry))
+    @pytest.mark.parametrize("e", [0.5, F(1, 2), lambda v: 0.5])
+    def test_plain_tuples_of_all_fields(self, e, geometry, law):
+        """They have no attributes, which some laws need, others not."""
+        model = ImpactModel(law=law, geometry=geometry)
+        contact = TOUCH._replace(restitution=e)
+        with pytest.raises(TypeError, match=r"body_a: must be a Body, is \("):
+            resolve(tuple(BALL), FLOOR, contact, model)
+        with pytest.raises(TypeError, match=r"contact: must be a Contact, made by .*; is \("):
+            resolve(BALL, FLOOR, tuple(contact), model)
+
     def test_a_mass_of_zero(self):
         with pytest.raises(ImpactError, match=r"body_b\.mass: .* Body\.static\(\), motion_type STATIC; is 0"):
             resolve(BALL, Body.dynamic(0.0), TOUCH)

@@ -29,7 +29,7 @@ from collision_response import (
     resolve,
     resolve_scene,
 )
-from collision_response.batch import resolve_batch
+from collision_response.batch import body_rows, contact_rows, resolve_batch
 from collision_response.derivatives import differentiate
 from collision_response.physics.combine import combine
 from collision_response.physics.energy import kinetic_energy
@@ -663,6 +663,39 @@ def test_the_model_of_an_answer_has_the_numbers_of_the_request():
         reported = resolve(BALL, FLOOR, CONTACT, model).model.tangential_restitution
         assert type(reported) is type(number)
         assert math.copysign(1, reported) == math.copysign(1, number)
+
+
+@pytest.mark.parametrize(
+    ("field", "first", "second"),
+    [
+        ("restitution_threshold", 0.5, 3.0),
+        ("tangential_restitution", 0.0, 0.5),
+        ("tolerance", 1e-6, 1e-20),
+        ("stiffness_ratio", 0.5, 2.0),
+    ],
+)
+@pytest.mark.parametrize("is_new", [False, True])
+def test_a_number_that_changes_between_calls(field, first, second, is_new):
+    """An array of no dimensions is a number, and a plan that is kept for it would be that of the old one."""
+    body, contact = Body.dynamic(1.0, velocity=(0.3, 0.0, -1.0)), Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.3)
+    law = Law.COMPLIANT if field == "stiffness_ratio" else Law.COULOMB
+    number = np.array(first)
+    model = ImpactModel(law=law, **{field: number})
+    rows, contact_row = body_rows(Geometry.POINT), contact_rows(Geometry.POINT)
+    bodies, contacts = np.zeros((rows.height, 2, 1)), np.zeros((contact_row.height, 1))
+    bodies[rows.mass, :, 0], bodies[rows.velocity, 0, 0] = (1, math.inf), body.velocity
+    contacts[contact_row.normal, 0], contacts[contact_row.restitution] = contact.normal, contact.restitution
+    contacts[contact_row.friction] = contact.friction
+    answers = []
+    for value in first, second:
+        number[...] = value
+        asked = ImpactModel(law=law, **{field: number}) if is_new else model
+        answers.append(resolve(body, Body.static(), contact, asked))
+        assert answers[-1] == resolve(body, Body.static(), contact, ImpactModel(law=law, **{field: value}))
+        if law is Law.COULOMB and field != "tolerance":
+            batch = resolve_batch(bodies, contacts, asked)
+            assert batch.velocity[:, 0, 0].tolist() == list(answers[-1].twist_a.linear)
+    assert getattr(answers[0].model, field) == first
 
 
 def test_reading_a_number_may_resolve_with_other_models():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 from threading import Lock, Thread
 
@@ -263,28 +264,43 @@ def test_unusual_scenes_are_left_to_python(both, unusual):
     assert len(other.contacts) == len(unusual.contacts)
 
 
-@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
-def test_a_large_cluster_leaves_other_threads_running(law):
-    """Python's own interval for switching threads is made so long that only the library lets others run."""
-    scene, gate, has_run = row_of_balls([1.0] + [0.0] * 39, e=0.9, number=float), Lock(), []
+def seen_beside(law, look):
+    """What ``look`` returns in another thread while the library resolves a large cluster.
 
-    def wait_and_run() -> None:
+    Python's own interval for switching threads is made so long that only the library lets others run.
+    """
+    scene, gate, seen = row_of_balls([1.0] + [0.0] * 39, e=0.9, number=float), Lock(), []
+
+    def wait_and_look() -> None:
         with gate:
-            has_run.append(True)
+            seen.append(look())
 
     gate.acquire()
-    other = Thread(target=wait_and_run)
+    other = Thread(target=wait_and_look)
     other.start()
     interval = sys.getswitchinterval()
     sys.setswitchinterval(1000)
     try:
         gate.release()
-        assert not has_run
+        assert not seen
         for _ in range(1000):  # the other thread may need time to wake up
             scene.resolve(law)
-            if has_run:
+            if seen:
                 break
-        assert has_run
+        return seen
     finally:
         sys.setswitchinterval(interval)
         other.join()
+
+
+@pytest.mark.parametrize("law", [Law.FRICTIONLESS, Law.COULOMB, Law.MOREAU, Law.ROUTH_STRONGE])
+def test_a_large_cluster_leaves_other_threads_running(law):
+    assert seen_beside(law, lambda: True) == [True]
+
+
+def test_tuples_are_hidden_until_they_are_full():
+    def count_incomplete() -> int:
+        tuples = [one for one in gc.get_objects() if type(one) is tuple]
+        return sum(len(gc.get_referents(one)) < len(one) for one in tuples)
+
+    assert seen_beside(Law.COULOMB, count_incomplete) == [0]

@@ -90,9 +90,11 @@ def plan_for(bodies: Array, contacts: Array, model: ImpactModel, pairs: Array | 
     model_and_plan = _recent_plans.get(key)
     if model_and_plan is None:
         _check_tables(bodies, contacts, pairs)
+        plan = _plan(shape[0], contacts.shape[0], bodies.dtype, model)
+        if not plan.model_plan.may_be_kept:
+            return plan
         if len(_recent_plans) >= KEPT:
             _recent_plans.clear()
-        plan = _plan(shape[0], contacts.shape[0], bodies.dtype, model)
         model_and_plan = _recent_plans[key] = model, plan  # keeps the model alive, and so its id valid
     return model_and_plan[1]
 

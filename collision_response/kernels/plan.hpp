@@ -53,15 +53,16 @@ inline bool find_plan(PyObject* model, Plan& plan) {
   PyObject* made = PyObject_CallOneArg(python.plan_model, model);
   if (!made) return false;
   PyObject *settings, *errors;
-  bool read = PyArg_ParseTuple(made, "iiiiiddOO", &plan.law_without_friction, &plan.law_with_friction, &plan.geometry,
+  int may_be_kept;
+  bool read = PyArg_ParseTuple(made, "iiiiiddOOp", &plan.law_without_friction, &plan.law_with_friction, &plan.geometry,
                                &plan.first_precision, &plan.last_precision, &plan.target_bound, &plan.bound_limit,
-                               &settings, &errors);
+                               &settings, &errors, &may_be_kept);
   for (int k = 0; read && k < MODEL; ++k) {
     plan.settings[k] = PyFloat_AsDouble(PyTuple_GET_ITEM(settings, k));
     plan.errors[k] = PyFloat_AsDouble(PyTuple_GET_ITEM(errors, k));
   }
   Py_DECREF(made);
-  if (!read) return false;
+  if (!read || !may_be_kept) return read;
   CachedPlan& slot = cached_plans[next_plan++ % CACHE_SIZE];
   const CachedPlan replaced = slot;
   slot = {Py_NewRef(model), plan, {}};

@@ -76,6 +76,12 @@ static inline PyObject* new_tuple(PyTypeObject* type, int count) {
   if (tuple) PyObject_GC_UnTrack(tuple);
   return with_unknown_hash(tuple);
 }
+// The same of a tuple of at least one entry; Python shares the empty one.
+static inline PyObject* new_tuple(Py_ssize_t count) {
+  PyObject* tuple = PyTuple_New(count);
+  if (tuple) PyObject_GC_UnTrack(tuple);
+  return tuple;
+}
 // A tuple whose fields are set; null if one could not be made.
 static inline PyObject* finished(PyObject* tuple) {
   if (tuple && PyErr_Occurred()) Py_CLEAR(tuple);

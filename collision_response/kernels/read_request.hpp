@@ -3,7 +3,7 @@
 #include "constants.hpp"
 #include "read_numbers.hpp"
 
-inline bool is_body(PyObject* o) { return PyTuple_Check(o) && PyTuple_GET_SIZE(o) == BODY_FIELDS; }
+inline bool is_body(PyObject* o) { return PyObject_TypeCheck(o, python.body) && PyTuple_GET_SIZE(o) == BODY_FIELDS; }
 inline bool is_articulated(PyObject* o) {
   return is_body(o) && PyTuple_GET_ITEM(o, BODY_FIELD_INVERSE_INERTIA) != Py_None;
 }
@@ -46,7 +46,7 @@ inline bool is_function(PyObject* o) { return !PyFloat_CheckExact(o) && PyCallab
 // Read a contact, from number i on, without its tangential restitution. A coefficient that is a function is not read; then
 // has_function is set.
 inline bool read_contact(PyObject* contact, const InputBuffer& buffer, int i, bool* has_function) {
-  if (!PyTuple_Check(contact) || PyTuple_GET_SIZE(contact) != CONTACT_FIELDS)
+  if (!PyObject_TypeCheck(contact, python.contact) || PyTuple_GET_SIZE(contact) != CONTACT_FIELDS)
     return set_type_error("contact: must be a Contact, made by Contact.of(...);", contact);
   auto item = [contact](int field) { return PyTuple_GET_ITEM(contact, field); };
   PyObject *e = item(CONTACT_FIELD_RESTITUTION), *mu = item(CONTACT_FIELD_FRICTION);

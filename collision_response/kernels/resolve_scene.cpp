@@ -113,7 +113,7 @@ class SceneAnswer {
       : scene(scene), model(model), plan(plan), options(options), law(options.law), place(scene.bodies.size(), -1) {
     const std::size_t of_bodies = scene.bodies.size(), of_contacts = scene.contacts.size();
     for (int i = 0; i < COLUMNS; ++i)
-      column[i] = PyTuple_New(i < CONTACTS ? of_bodies : i < CLUSTERS ? of_contacts : scene.clusters);
+      column[i] = new_tuple(i < CONTACTS ? of_bodies : i < CLUSTERS ? of_contacts : scene.clusters);
   }
   SceneAnswer(const SceneAnswer&) = delete;
   ~SceneAnswer() {
@@ -141,6 +141,7 @@ class SceneAnswer {
   // The fields of a SceneImpact.
   PyObject* fields() {
     if (PyErr_Occurred()) return nullptr;  // an entry of a column could not be made
+    for (PyObject* one : column) finished(one);
     PyObject* used = model_as_used(model, law, geometry, precision);
     if (!used) return nullptr;
     int status = bound > plan.bound_limit ? STATUS_TOLERANCE_NOT_MET : is_separating ? STATUS_SEPARATING : STATUS_OK;
