@@ -39,6 +39,12 @@ MODEL_FRAME = "__model__"
 FILE_ROUNDING = 0.01
 """Error of the moments of inertia in files, relative to the greatest: few digits are written."""
 
+ROUNDING = 2.0**-50
+"""Error of second moments that are computed from them, with the same scale."""
+
+LEAST_SECOND_MOMENT = 2.0**-40
+"""What takes the place of a second moment below 0, with the same scale: above 0 by more than rounding."""
+
 WORLD = "world"
 """Name of what does not move: in SDF, and by custom of a link without mass in URDF."""
 
@@ -143,6 +149,11 @@ class Description(NamedTuple):
             link: name of the link.
             locked: whether movable joints connect links as fixed joints do.
 
+        Returns:
+            The sums of the links. Files have few digits: of a thin plate, the greatest moment of inertia may
+            be greater than the sum of the other two, which no body can have. If it is by up to 0.02 of the
+            greatest number of its tensor, the link gets the nearest possible tensor.
+
         Raises:
             ValueError: if there is no such link; if the body is fixed to the world, has no mass, or has a
                 mass or inertia that exceeds float64; or if it has several links, and no body can have the
@@ -151,14 +162,15 @@ class Description(NamedTuple):
         if link not in self.inertials:
             raise ValueError(f"{self.name!r} has no link {link!r}; it has {', '.join(self.inertials)}")
         links = list(self._connected_links(link, locked))
-        if link != WORLD and WORLD in [name for name, _ in links] and not self.inertials[WORLD].mass:
+        is_at_world = len(links) > 1 and WORLD in [name for name, _ in links]
+        if is_at_world and not self.inertials[WORLD].mass:
             reason = "is fixed to the world: give it as a STATIC body"
             raise ValueError(f"link {link!r} of {self.name!r} {reason}")
         for name, _ in links if len(links) > 1 else ():  # of a single link, each request says so
             if not _is_possible(self.inertials[name].inertia):
                 reason = "negative, or one principal moment is greater than the sum of the other two"
                 raise ValueError(f"the inertia of link {name!r} of {self.name!r} is impossible: {reason}")
-        parts = [_transformed(pose, self.inertials[name]) for name, pose in links]
+        parts = [_transformed(pose, _without_rounding(self.inertials[name])) for name, pose in links]
         if not sum(part.mass for part in parts) > 0:
             raise ValueError(f"link {link!r} of {self.name!r} has no mass")
         inertia = sum(part.inertia for part in parts)
@@ -193,14 +205,30 @@ def _transformed(pose: Pose, part: Inertial) -> Inertial:
     return Inertial(part.mass, rotation @ part.com + pose[:3, 3], rotation @ part.inertia @ rotation.T)
 
 
+def _second_moments(inertia: Any) -> tuple[float, Any, Any]:
+    """Return the greatest number of a tensor, and the second moments of mass in units of it, with their axes.
+
+    They are the eigenvalues of ``tr(I)/2 1 - I``, the least first. A body has none below 0.
+    """
+    size = float(abs(inertia).max())
+    scaled = inertia / size if 0 < size < math.inf else np.zeros((3, 3))
+    moments, axes = np.linalg.eigh(np.trace(scaled) / 2 * np.eye(3) - scaled)
+    return size, moments, axes
+
+
 def _is_possible(inertia: Any) -> bool:
     """Whether a body can have a tensor, up to the rounding of numbers in files."""
-    size = abs(inertia).max()
-    if not 0 < size < math.inf:
-        return True
-    scaled = inertia / size
-    second_moments = np.trace(scaled) / 2 * np.eye(3) - scaled
-    return bool(np.linalg.eigvalsh(second_moments).min() >= -FILE_ROUNDING)
+    _, moments, _ = _second_moments(inertia)
+    return bool(moments[0] >= -FILE_ROUNDING)
+
+
+def _without_rounding(link: Inertial) -> Inertial:
+    """Return a link with the nearest possible tensor, if it differs by no more than rounding in files."""
+    size, moments, axes = _second_moments(link.inertia)
+    if not -FILE_ROUNDING <= moments[0] < -ROUNDING:
+        return link
+    nearest = axes * np.maximum(moments, LEAST_SECOND_MOMENT) @ axes.T
+    return link._replace(inertia=(np.trace(nearest) * np.eye(3) - nearest) * size)
 
 
 def _by_name(owner: Element, tag: str) -> dict[str, Element]:
@@ -237,6 +265,10 @@ def _urdf(robot: Element) -> tuple[dict[str, Inertial], tuple[Joint, ...]]:
         TopologicalSorter(parents).prepare()
     except CycleError as error:
         raise ValueError(f"joints connect links in a circle: {', '.join(error.args[1])}") from None
+    roots = [name for name in inertials if name not in parents]
+    if len(roots) > 1:
+        reason = "has more than one root: joints must connect all links"
+        raise ValueError(f"robot {robot.get('name')!r} {reason}; {', '.join(roots)} have no parent")
     return inertials, tuple(joints)
 
 

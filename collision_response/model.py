@@ -250,8 +250,8 @@ ULP = 2.0**-52
 
 def model_as_used(model: ImpactModel, law: int, geometry: int, precision: int) -> ImpactModel:
     """Return the model with the law, geometry and precision that were used, and numbers that never change."""
-    fixed = ImpactModel(*(x if isinstance(x, Number) else of_python(x) for x in model))
-    return fixed._replace(law=Law(law), geometry=Geometry(geometry), precision=Precision(precision))
+    numbers: list[Any] = [x if isinstance(x, Number) else of_python(x) for x in model[3:]]
+    return ImpactModel(Law(law), Geometry(geometry), Precision(precision), *numbers)
 
 
 def check_model(model: Any) -> None:

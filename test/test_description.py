@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from collision_response import Body
+from collision_response import Body, Contact, StatusCode, resolve
 from collision_response.description import Description
 from collision_response.physics import mass_properties
 from collision_response.physics.tensor import Symmetric3
@@ -212,6 +212,10 @@ def test_a_link_may_share_its_name_with_a_joint_or_a_frame():
         (urdf(turned("0 0 0 0")), "quat_xyzw of link 'a': the quaternion must be finite and not 0"),
         (urdf("<link name='a'><inertial/></link>"), "link 'a' has no <mass>"),
         (urdf(link("a", 1.0), joint("a", "b")), "joint 'a-b': the robot has no link 'b'"),
+        (
+            urdf(link("a", 1.0), link("b", 1.0), link("arm", 95.0), joint("a", "b")),
+            "robot 'robot' has more than one root: joints must connect all links; a, arm have no parent",
+        ),
         (
             urdf(link("a", 1.0), link("b", 1.0), joint("a", "b", "Fixed")),
             "prismatic, floating, planar; is 'Fixed'",
@@ -423,6 +427,35 @@ def test_rounding_of_numbers_in_files_is_no_impossible_inertia(izz, is_rounding)
             body_of(robot, "a")
 
 
+ROUNDED = [
+    "0.333 0.333 0.667",
+    "0.333 0.333 0.6660000000001",
+    "0.0833 0.08335 0",
+    "1e-9 1.2 1.21",
+    "2e-300 2e-300 4.01e-300",
+]
+
+
+@pytest.mark.parametrize("moments", ROUNDED)
+@pytest.mark.parametrize("rpy", ["0 0 0", "0.3 -1.2 2.5"])
+@pytest.mark.parametrize("has_footprint", [False, True])
+def test_a_plate_and_a_rod_of_few_digits_are_resolved(has_footprint, rpy, moments):
+    """Their inertia, which no body can have, is refused in a request."""
+    numbers = " ".join(
+        f"{name}='{x}'" for name, x in zip(("ixx", "iyy", "izz"), moments.split(), strict=True)
+    )
+    inertial = f"<inertial><mass value='1'/><origin rpy='{rpy}'/><inertia {numbers}/></inertial>"
+    links = f"<link name='a'>{inertial}</link>", *(["<link name='f'/>", joint("f", "a")] * has_footprint)
+    properties = body_of(urdf(*links), "a")
+    body = Body.of(properties, velocity=(0, 0, -1))
+    assert (
+        resolve(body, Body.static(), Contact.of((0.1, 0.2, 0), (0, 0, 1), 0.5, 0.2)).status is StatusCode.OK
+    )
+    given = sorted(map(float, moments.split()))
+    found = np.linalg.eigvalsh(np.array(properties.inertia.rows()))
+    np.testing.assert_allclose(found, given, atol=0.01 * given[-1] + 5e-324)
+
+
 @pytest.mark.parametrize("field", Symmetric3._fields)
 @pytest.mark.parametrize("number", [1e308, -1e308, 1.7976931348623157e308])
 def test_the_greatest_floats_are_read(field, number):
@@ -457,6 +490,12 @@ def test_a_body_that_is_fixed_to_the_world_is_refused(text):
             body_of(text, name)
 
 
+def test_the_world_is_refused_where_a_body_is_fixed_to_it():
+    text = urdf("<link name='world'/>", link("a", 1.0), joint("world", "a"))
+    with pytest.raises(ValueError, match="link 'world' of 'robot' is fixed to the world: give"):
+        body_of(text, "world")
+
+
 @pytest.mark.parametrize(
     "text",
     [
@@ -474,7 +513,9 @@ def test_a_body_that_moves_in_the_world_is_a_body(text):
 
 
 def test_unknown_and_massless_links_are_refused_by_name():
-    description = Description.read(urdf("<link name='world'/>", link("base", 1.0)))
+    description = Description.read(
+        urdf("<link name='world'/>", link("base", 1.0), joint("world", "base", "floating"))
+    )
     with pytest.raises(ValueError, match="'robot' has no link 'bass'; it has world, base"):
         description.mass_properties("bass")
     with pytest.raises(ValueError, match="link 'world' of 'robot' has no mass"):

@@ -307,8 +307,14 @@ def test_a_table_named_like_a_recording_is_refused_in_one_line(tmp_path: Path, c
     assert "Not an RRD file" in err and err.count("\n") == 1
 
 
+ARM = Body.articulated(np.eye(6).tolist())
+OF_ARM = 0.125
+
+
 def recording(path, answers, received, floor=None, name="ball"):
     """A recording of balls that strike a floor at whole seconds, and of received states of the ball.
+
+    With the restitution ``OF_ARM`` it is an arm that strikes.
 
     Args:
         path: the file.
@@ -321,7 +327,7 @@ def recording(path, answers, received, floor=None, name="ball"):
     recorder = Recorder(path.parent, pytest.fail, name=path.name)
     ball = Body.dynamic(2.0, (0.2, 0, 0, 0.2, 0, 0.2), (0.0, 0.0, 0.25))
     for i, (speed, e, *stamp) in enumerate(answers, start=1):
-        falling = ball._replace(velocity=Vec3(0.0, 0.0, -speed))
+        falling = (ARM if e == OF_ARM else ball)._replace(velocity=Vec3(0.0, 0.0, -speed))
         request = falling, floor or Body.static(), Contact.of((0, 0, 0), (0, 0, 1), e), ImpactModel()
         recorder.add(Record(*(stamp or [i * 10**9]), i, name, "floor", *request, resolve(*request)))
     for stamp, velocity in received:
@@ -365,6 +371,15 @@ def test_the_states_of_a_body_are_found_under_any_name(tmp_path: Path, capsys, n
     path = recording(tmp_path / "a.rrd", [(1.0, 0.9), (2.0, 0.9), (3.0, 0.9)], received, name=name)
     assert main([str(path), "--law", "frictionless", "--resamples", "2"]) == 0
     assert "restitution = 0.5 " in capsys.readouterr().out
+
+
+def test_impacts_of_arms_in_a_recording_are_left_out(tmp_path: Path, capsys):
+    received = [(i * 10**9 + 10**7, 0.5 * i) for i in (1, 2, 3, 4)]
+    path = recording(tmp_path / "a.rrd", [(1.0, 0.9), (2.0, 0.9), (3.0, OF_ARM), (4.0, 0.9)], received)
+    assert main([str(path), "--law", "frictionless", "--resamples", "2"]) == 0
+    said = capsys.readouterr()
+    assert "FRICTIONLESS, 3 impacts" in said.out and "restitution = 0.5 " in said.out
+    assert said.err == f"{path}: left out: 1 impacts of mechanisms\n"
 
 
 def test_a_recording_without_body_states_is_refused(tmp_path: Path, capsys):

@@ -118,7 +118,11 @@ def read(arguments: argparse.Namespace) -> Measurements:
         from .from_recording import read_impacts
 
         _refuse_options("a table, not for a recording", arguments, "set", *OF_READINGS)
-        return read_impacts(arguments.file, WITHIN if arguments.within is None else arguments.within)
+        within = WITHIN if arguments.within is None else arguments.within
+        measured, of_mechanisms = read_impacts(arguments.file, within)
+        if of_mechanisms:
+            print(f"{arguments.file}: left out: {of_mechanisms} impacts of mechanisms", file=sys.stderr)
+        return measured
     _refuse_options("a recording, not for a table", arguments, "within")
     rows, unused = from_table.read_rows(arguments.file, _by_name("--set", arguments.set))
     if "incidence" not in rows[0]:

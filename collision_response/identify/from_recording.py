@@ -34,8 +34,8 @@ BEFORE_ANSWERS = 0
 """A state with the stamp of an impact counts as the state before it."""
 
 
-def read_impacts(path: Path, within: float) -> Impacts:
-    """Read the impacts of a recording.
+def read_impacts(path: Path, within: float) -> tuple[Impacts, int]:
+    """Return the impacts of rigid bodies in a recording, and the number of those of mechanisms.
 
     ``within`` is how long after an impact a state may be received and still be its measurement [s]. Gravity
     changes the velocity in the meantime. With 0 the node's answers are used as measurements, which gives back
@@ -43,8 +43,8 @@ def read_impacts(path: Path, within: float) -> Impacts:
 
     Raises:
         ImpactError: INVALID_TABLE if the recording has no impacts, no state received in time after one of
-            them, or the states of several runs. INVALID_MODEL if ``within`` is negative. Other codes as
-            ``Impacts.of``.
+            them, or the states of several runs. INVALID_MODEL if ``within`` is negative. INVALID_INERTIA if
+            all impacts are of mechanisms. Other codes as ``Impacts.of``.
         OSError: if the file cannot be read, or is not a recording of the node.
     """
     check_number("within", within, 0, math.inf, StatusCode.INVALID_MODEL)
@@ -54,9 +54,11 @@ def read_impacts(path: Path, within: float) -> Impacts:
         raise OSError(str(error)) from None
     if "ros_time" in impacts.column_names:
         impacts = impacts.append_column("stamp", impacts["ros_time"].cast("int64"))
-    answered = [*table.rows_of(table.divide(impacts)[0])]
-    if not answered:
+    every = [*table.rows_of(table.divide(impacts)[0])]
+    if not every:
         raise ImpactError(StatusCode.INVALID_TABLE, table.TABLE, f"there are none in {path}")
+    of_mechanisms = [any(table.body_of(row, side).is_articulated() for side in "ab") for row in every]
+    answered = [row for row, left_out in zip(every, of_mechanisms, strict=True) if not left_out] or every
     bodies = {side: [with_com_as_reference(table.body_of(row, side)) for row in answered] for side in "ab"}
     contacts = [table.contact_of(row["request_contact"]) for row in answered]
     if within:
@@ -72,7 +74,8 @@ def read_impacts(path: Path, within: float) -> Impacts:
             raise ImpactError(StatusCode.INVALID_TABLE, "states", reason)
     else:
         after = {side: [_answer(row, side) for row in answered] for side in "ab"}
-    return Impacts.of(bodies["a"], bodies["b"], contacts, after["a"], after["b"])
+    of_bodies = Impacts.of(bodies["a"], bodies["b"], contacts, after["a"], after["b"])
+    return of_bodies, len(every) - len(answered)
 
 
 def _answer(row: dict[str, Any], side: str) -> Twist:
