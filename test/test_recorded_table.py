@@ -7,6 +7,7 @@ import math
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import tracemalloc
@@ -20,7 +21,7 @@ pytest.importorskip("rerun")
 
 import pyarrow as pa
 import rerun as rr
-from recordings import closed, impact, recorded
+from recordings import closed, impact, recorded, rerun
 
 from collision_response import (
     Body,
@@ -886,3 +887,25 @@ def test_one_path_is_one_file(tmp_path):
     assert read(str(path)).num_rows == read(path).num_rows == read([path]).num_rows == 1
     with pytest.raises(TypeError, match=r"^paths: must be a sequence, is None"):
         read(None)
+
+
+@pytest.mark.parametrize("command", ["replay", "report"])
+def test_a_file_and_a_copy_of_it_are_refused(all_kinds, capsys, command):
+    copy = all_kinds.with_name("copy.rrd")
+    shutil.copy(all_kinds, copy)
+    assert main([command, str(all_kinds), str(copy)]) == 2
+    err = capsys.readouterr().err
+    assert (
+        err == f"collision_response {command}: {copy} holds answer 1 of a run, as does another of the files\n"
+    )
+
+
+@pytest.mark.parametrize("command", ["replay", "report"])
+def test_a_part_and_the_whole_are_refused(recording, capsys, command):
+    parts = [recording([impact(number)], f"{number}.rrd") for number in (1, 2)]
+    whole = parts[0].with_name("whole.rrd")
+    assert rerun("rrd", "merge", *parts, "-o", whole).returncode == 0
+    assert main([command, *map(str, parts)]) == 0
+    capsys.readouterr()
+    assert main([command, str(whole), str(parts[1])]) == 2
+    assert f"{parts[1]} holds answer 2 of a run" in capsys.readouterr().err

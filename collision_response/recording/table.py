@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import shlex
 import warnings
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -167,25 +168,33 @@ def read(
     Raises:
         OSError, RuntimeError: if a file cannot be read.
         TypeError: if ``paths`` are no paths.
-        ValueError: if a file is not a recording of this node, is not complete, or is given twice. The message
-            names the file.
+        ValueError: if a file is not a recording of this node, is not complete, or holds answers that another
+            one holds, too: it is given twice, or is a copy or a part of that one. The message names the file.
     """
     tables, opened = [], set()
+    answers_of_runs: dict[str, list[Any]] = defaultdict(list)
     for path in [paths] if isinstance(paths, (str, Path)) else as_list("paths", paths):
         recording = open_complete(path)
         if (file := Path(path).resolve()) in opened:
             raise ValueError(f"{path} is given twice")
         opened.add(file)
-        chunks = chunks_of(recording, table)
+        chunks = _chunks_by_run(recording, table)
         if not chunks and not chunks_of(recording, ALWAYS_PRESENT):
             raise _foreign(path, f"it has neither {table} nor {ALWAYS_PRESENT}")
-        for chunk in chunks:
+        found: dict[str, list[Any]] = defaultdict(list)
+        for run, chunk in chunks:
             rows = _rows_in(chunk.to_record_batch(), columns | optional)
             if "answer" not in rows.column_names:
                 raise _foreign(path, f"{table} has no timeline answer")
             if wrong := _invalid_column(rows, columns, optional):
                 raise _foreign(path, f"{table} has no valid column {wrong}")
+            found[run].append(rows["answer"].to_numpy())
             tables.append(rows)
+        for run, answers in found.items():
+            numbers, before = np.concatenate(answers), answers_of_runs[run]
+            if before and (again := numbers[np.isin(numbers, np.concatenate(before))]).size:
+                raise ValueError(f"{path} holds answer {again[0]} of a run, as does another of the files")
+            before.append(numbers)
     if not tables:
         return pa.table({"status": pa.array([], pa.string())})
     whole = pa.concat_tables(tables, promote_options="default")
@@ -217,8 +226,16 @@ def open_complete(path: Path | str) -> RrdReader:
 
 def chunks_of(file: RrdReader, content: str) -> list[Chunk]:
     """Return what a file holds of some entities, in all its recordings: those of several runs, if merged."""
-    streams = [file.stream(store=store) for store in file.recordings()]
-    return [chunk for stream in streams for chunk in stream.filter(content=content).to_chunks()]
+    return [chunk for _, chunk in _chunks_by_run(file, content)]
+
+
+def _chunks_by_run(file: RrdReader, content: str) -> list[tuple[str, Chunk]]:
+    """Return what :func:`chunks_of` does, each with the name that rerun gave to the run of the node."""
+    return [
+        (store.recording_id, chunk)
+        for store in file.recordings()
+        for chunk in file.stream(store=store).filter(content=content).to_chunks()
+    ]
 
 
 def _foreign(path: Path | str, why: str) -> ValueError:
