@@ -514,6 +514,17 @@ def test_an_unusable_received_body_affects_its_contacts_only(node_with_states, n
     assert np.isnan(result.velocity[..., 1:]).all() and np.isfinite(result.velocity[..., 0]).all()
 
 
+def test_the_last_of_the_names_may_end_with_a_newline(node_with_states):
+    contacts, table = contacts_of(Request.POINT, 1), column(Request.POINT, ball(-0.5, 3.0))[:, np.newaxis]
+    request = pack(table, [[1], [0]], contacts, names=["ball"], frame_id="world")
+    expected = node_with_states.call(request)
+    request.names += "\n"
+    assert request.names == "ball\n"
+    assert node_with_states.call(request).velocity == expected.velocity
+    request.names += "\n"
+    assert node_with_states.call(request).message.startswith("names[1]: is ''")
+
+
 def test_unusable_received_bodies_are_counted(node_with_states):
     request = Request(layout=Request.POINT, names="ghost\nball\nother")
     request.header.frame_id = "world"

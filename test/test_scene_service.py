@@ -211,6 +211,8 @@ def test_bodies_may_be_received(graph):
     result = graph.call(request).result
     assert result.status.code == StatusCode.OK, result.status.message
     assert result.body_names == ["first", "middle", "last"]
+    request.names += "\n"  # which a block of YAML has at its end
+    assert graph.call(request).result.twists == result.twists
     assert [twist.linear.x for twist in result.twists] == pytest.approx([0, 0, 1], abs=result.error_bound)
     assert list(result.state_ages) == [0.0, 2.0, 1.0]
     assert [stamp.sec for stamp in result.state_stamps] == [0, 4, 5]

@@ -40,7 +40,7 @@ from .body_lookup import (
 from .parameters import LatestParameters
 from .round_robin import Steps
 from .states import LatestStates
-from .tables import LAYOUTS, Request, Response, number_of_names, result_in, table_in, zeros_in
+from .tables import LAYOUTS, Request, Response, names_in, number_of_names, result_in, table_in, zeros_in
 
 
 class BatchBodies(NamedTuple):
@@ -198,7 +198,7 @@ def names_of(request: Request, max_contacts: int) -> list[str]:
             f"{max_names} bodies"
         )
         raise ImpactError(StatusCode.BUDGET_EXCEEDED, "names", reason)
-    names = request.names.split("\n") if number else []
+    names = names_in(request)
     check_names(names)
     return names
 

@@ -28,7 +28,7 @@ from .body_lookup import BODIES_PER_STEP, StateFinder, check_immovable, check_na
 from .parameters import LatestParameters, Parameters
 from .round_robin import TIME_SLICE, Steps
 from .states import LatestStates
-from .tables import number_of_names, table_in
+from .tables import names_in, number_of_names, table_in
 
 CONTACT_ROWS = ("x", "y", "z", "nx", "ny", "nz", "e", "mu")
 """Rows of ``ResolveScene.contacts``."""
@@ -164,7 +164,7 @@ def bodies_of(request: ResolveScene.Request, finder: StateFinder) -> Steps[list[
         if number > MAX_BODIES:
             reason = f"has {number}; a scene may have {MAX_BODIES}"
             raise ImpactError(StatusCode.BUDGET_EXCEEDED, holder, reason)
-    names = request.names.split("\n") if request.names else [f"body {i}" for i in range(count)]
+    names = names_in(request) or [f"body {i}" for i in range(count)]
     if len(names) < count:
         reason = f"must be empty, or have a line for each of the {count} bodies at least; has {len(names)}"
         raise ImpactError(StatusCode.INVALID_TABLE, "names", reason)

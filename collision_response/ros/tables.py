@@ -43,7 +43,13 @@ def result_in(
 
 def number_of_names(request: Any) -> int:
     """Number of lines in the field ``names`` of a request: cheap even if there are too many to split them."""
-    return request.names.count("\n") + 1 if request.names else 0
+    names: str = request.names
+    return names.count("\n") + (names[-1:] not in ("", "\n"))
+
+
+def names_in(request: Any) -> list[str]:
+    """Return the lines of the field ``names`` of a request. The last one may end, too, as blocks of YAML do."""
+    return request.names.removesuffix("\n").split("\n") if request.names else []
 
 
 def table_in(field: str, numbers: array[Any], rows: int, of_layout: str = "") -> Array:
@@ -68,7 +74,8 @@ def as_lines(names: Iterable[str]) -> str:
         TypeError: if they are not a sequence of texts.
         ValueError: if a name has several lines, or a NUL character, at which ROS would cut it off.
     """
-    return "\n".join(as_text(f"names[{i}]", name) for i, name in enumerate(as_list("names", names)))
+    text = "\n".join(as_text(f"names[{i}]", name) for i, name in enumerate(as_list("names", names)))
+    return f"{text}\n" if text.endswith("\n") else text  # the last name is empty
 
 
 def as_text(field: str, text: str) -> str:
