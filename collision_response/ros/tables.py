@@ -48,7 +48,7 @@ def number_of_names(request: Any) -> int:
 
 
 def names_in(request: Any) -> list[str]:
-    """Return the lines of the field ``names`` of a request. The last one may end, too, as blocks of YAML do."""
+    """Return the lines of the field ``names`` of a request. The last may end, too, as blocks of YAML do."""
     return request.names.removesuffix("\n").split("\n") if request.names else []
 
 
