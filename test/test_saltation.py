@@ -337,6 +337,20 @@ def test_covariances_against_many_impacts(friction):
     np.testing.assert_allclose(found, expected, rtol=0.012)
 
 
+@pytest.mark.parametrize("speed", [1.0, 1e-150, 1e-160])
+@pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])
+def test_the_error_handling_that_a_program_chose_for_numpy_does_not_matter(law, speed):
+    velocity = Vec3(1.0, 0.5, -1.0) * speed
+    ball = Body.sphere(1.0, RADIUS, (0.0, 0.0, RADIUS), velocity=velocity, angular_velocity=velocity)
+    request = ball, Body.static(), Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.3), ImpactModel(law)
+    surfaces, covariance = sphere_on_plane(RADIUS), np.eye(12) * 1e-4
+    expected = saltation_matrix(*request, surfaces), propagate_covariance(*request, covariance, surfaces)
+    with np.errstate(all="raise"):
+        found = saltation_matrix(*request, surfaces), propagate_covariance(*request, covariance, surfaces)
+    np.testing.assert_array_equal(found[0], expected[0])
+    np.testing.assert_array_equal(found[1].covariance, expected[1].covariance)
+
+
 def test_two_bodies_have_a_joint_covariance():
     collision = random_collision(3)
     surfaces = sphere_on_sphere(0.3, 0.4)

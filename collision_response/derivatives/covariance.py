@@ -83,7 +83,7 @@ class _Behaviour(NamedTuple):
     falls_back: bool
 
 
-@np.errstate(over="ignore", invalid="ignore")
+@np.errstate(over="ignore", under="ignore", invalid="ignore")
 def propagate_covariance(
     body_a: Body,
     body_b: Body,

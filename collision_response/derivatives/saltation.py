@@ -106,7 +106,7 @@ def saltation_matrix(
     return impact.matrix[np.ix_(impact.movable, impact.movable)]
 
 
-@np.errstate(over="ignore", invalid="ignore")
+@np.errstate(over="ignore", under="ignore", invalid="ignore")
 def linearise(
     body_a: Body,
     body_b: Body,

@@ -258,6 +258,10 @@ class Body(NamedTuple):
         ``LAW_FALLBACK``. If such a direction lies outside the cone and is not tangential, the ``error_bound``
         of MOREAU and the Routh laws may be infinite, and that of COMPLIANT is.
 
+        Compute the matrix and the twist with the same ``J``, in float64. If the link has fewer than six
+        degrees of freedom, rounding to float32 or nine digits makes it seem to move as its joints cannot, and
+        the request is refused.
+
         Args:
             inverse_inertia: Khatib's ``J M^-1 J^T``, as 6x6 or 36 numbers, in world axes, at the origin of
                 the body frame. ``M`` is the mass matrix of the mechanism; ``J`` maps joint rates ``q'`` to
