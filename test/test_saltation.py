@@ -341,7 +341,8 @@ def test_covariances_against_many_impacts(friction):
 @pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])
 def test_the_error_handling_that_a_program_chose_for_numpy_does_not_matter(law, speed):
     velocity = Vec3(1.0, 0.5, -1.0) * speed
-    ball = Body.sphere(1.0, RADIUS, (0.0, 0.0, RADIUS), velocity=velocity, angular_velocity=velocity)
+    place = 0.0, 0.0, RADIUS
+    ball = Body.sphere(1.0, RADIUS, position=place, velocity=velocity, angular_velocity=velocity)
     request = ball, Body.static(), Contact.of((0, 0, 0), (0, 0, 1), 0.5, 0.3), ImpactModel(law)
     surfaces, covariance = sphere_on_plane(RADIUS), np.eye(12) * 1e-4
     expected = saltation_matrix(*request, surfaces), propagate_covariance(*request, covariance, surfaces)
