@@ -337,7 +337,7 @@ def test_covariances_against_many_impacts(friction):
     np.testing.assert_allclose(found, expected, rtol=0.012)
 
 
-@pytest.mark.parametrize("speed", [1.0, 1e-150, 1e-160])
+@pytest.mark.parametrize("speed", [1.0, 1e-140, 1e-150])
 @pytest.mark.parametrize("law", [Law.COULOMB, Law.MOREAU])
 def test_the_error_handling_that_a_program_chose_for_numpy_does_not_matter(law, speed):
     velocity = Vec3(1.0, 0.5, -1.0) * speed
