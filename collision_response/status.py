@@ -72,16 +72,23 @@ class StatusCode(NamedEnum):
 
 
 def format_value(value: object, spell: Callable[[Any], str] = repr) -> str:
-    """Return ``spell(value)`` for an error message, also where Python refuses to spell out a large integer.
+    """Return ``spell(value)`` for an error message, or its first ``LONGEST`` characters.
+
+    Python refuses to spell out a large integer; then the text says so.
 
     Args:
         value: any value.
         spell: ``str``, ``repr`` or a similar function.
     """
     try:
-        return spell(value)
+        text = spell(value)
     except ValueError:  # the limit of sys.set_int_max_str_digits
         return "of more digits than are shown"
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+
+
+LONGEST = 1000
+"""Characters of a value that an error message shows."""
 
 
 POSITIVE = math.nextafter(0, 1)

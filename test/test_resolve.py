@@ -36,6 +36,7 @@ from collision_response.physics.energy import kinetic_energy
 from collision_response.physics.mass_properties import Particle, box, of_particles, rod
 from collision_response.physics.orientation import Quaternion
 from collision_response.physics.vector import ZERO, Vec3
+from collision_response.status import LONGEST
 
 BALL = Body.dynamic(1.0, (0.4, 0.0, 0.0, 0.4, 0.0, 0.4), (0.0, 0.0, 1.0), None, (0.0, 0.0, -2.0))
 FLOOR = Body.static()
@@ -592,6 +593,23 @@ def test_an_argument_of_the_wrong_type_is_a_type_error_that_names_it(field, wron
 def test_integers_too_long_to_print_are_refused(wrong):
     with pytest.raises((TypeError, ValueError), match="of more digits than are shown"):
         wrong(10**5000)
+
+
+@pytest.mark.parametrize(
+    ("ask", "hint"),
+    [
+        (lambda many: resolve(Body.dynamic(1.0)._replace(velocity=many), FLOOR, CONTACT), ""),
+        (lambda many: resolve(Body.dynamic(many), FLOOR, CONTACT), ""),
+        (lambda many: resolve(many, FLOOR, CONTACT), "; Body.dynamic(...) and Body.static() make one"),
+        (lambda many: Body.dynamic(1.0, velocity=many), ""),
+        (lambda many: resolve_scene([Body.dynamic(1.0), FLOOR], [many], [CONTACT]), ""),
+    ],
+)
+def test_a_message_quotes_no_more_than_the_beginning_of_a_value(ask, hint):
+    many = [0.5] * 10**5
+    with pytest.raises(TypeError) as raised:
+        ask(many)
+    assert str(raised.value).endswith(f" is {str(many)[:LONGEST]}...{hint}")
 
 
 def test_a_kinematic_body_keeps_its_twist():

@@ -14,14 +14,16 @@ struct InputBuffer {
   bool* has_fraction = nullptr;  // set to true if a number is a Fraction
 };
 
-// Set a TypeError that ends with the repr() of an object. Python has none for an integer of too many digits. Return
-// false.
+// Set a TypeError that ends with the repr() of an object, as format_value() of status.py has it. Python has none for an
+// integer of too many digits. Return false.
+constexpr int LONGEST = 1000;  // characters of the repr(), also in the format below
 static __attribute__((noinline, cold)) bool set_type_error(const std::string& text, PyObject* o,
                                                            const char* hint = "") {
   PyObject* repr = PyObject_Repr(o);
   if (!repr && !PyErr_ExceptionMatches(PyExc_ValueError)) return false;
   PyErr_Clear();
-  PyErr_Format(PyExc_TypeError, "%s is %V%s", text.c_str(), repr, "of more digits than are shown", hint);
+  const char* rest = repr && PyUnicode_GetLength(repr) > LONGEST ? "..." : "";
+  PyErr_Format(PyExc_TypeError, "%s is %.1000V%s%s", text.c_str(), repr, "of more digits than are shown", rest, hint);
   Py_XDECREF(repr);
   return false;
 }
