@@ -44,7 +44,7 @@ void Cones<R>::prepare() {
     const double slip = std::hypot(high(cone.w[1]), high(cone.w[2]));
     fastest_slip = std::fmax(fastest_slip, std::fmax(std::fabs(high(cone.w[0])), slip));
   }
-  sigma.reserve(cones.size());
+  sigma.clear();
   for (const Cone<R>& cone : cones) {
     sigma.push_back(stiffness(cone));
     stiffest = std::fmax(stiffest, sigma.back());

@@ -10,9 +10,8 @@ f(v)``. The method of ``dormand_prince.py`` integrates it, and everything else a
 
 **Steps.** ``f`` is smooth except where slip stops and where ``mu`` is not smooth. No step goes farther than
 ``LONGEST`` of the way to the stop, so steps shrink with the slip; nor changes the speed so much that it could
-jump over a peak of ``mu``. Slip counts as stopped when it is below
-``l2`` times the tolerance, with the least eigenvalue ``l2`` of ``A``: the impulse that stops it, ``A^-1 v``,
-is then below the tolerance.
+jump over a peak of ``mu``. Slip counts as stopped when it is below ``l2`` times the tolerance, with the least
+eigenvalue ``l2`` of ``A``: the impulse that stops it, ``A^-1 v``, is then below the tolerance.
 
 **Straight steps.** Slip near a direction to which it is drawn would need steps as short as the time in which
 it gets there, however long it stays. So a step keeps the direction of slip if its turn is negligible. Either
