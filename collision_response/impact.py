@@ -270,8 +270,8 @@ def evaluate_law(contact: ContactKinematics, coefficients: Coefficients, law: La
 
 
 def _with_locked_part(contact: ContactKinematics, impulse: Vec3, friction: Any) -> Vec3:
-    """Give an impulse the error of a mechanism whose ``u`` is partly along locked directions."""
-    part = contact.locked_part_of_approach()
+    """Give an impulse the error of a mechanism whose ``u`` or normal is partly along locked directions."""
+    part = contact.locked_part_of_approach() + contact.tilt_of_tangential_directions()
     acts = callable(friction) or friction > 0
     return impulse * widened(1 + 0 * part, choose(acts, lambda: part, lambda: 0 * part))
 

@@ -1,8 +1,9 @@
 """Read YAML as nested lists, mappings, numbers and text; duplicate keys are errors.
 
 PyYAML alone would keep the last of several equal keys, and would raise exceptions other than ``YAMLError``
-for some values that it cannot read. It also follows YAML 1.1, in which ``1e7`` is text, ``1:30`` is 90,
-``010`` is 8 and ``1_0`` is 10. Here ``1e7`` is a number, as in YAML 1.2, and the others are errors.
+for some values that it cannot read. It also takes ``1e7`` and ``-.5`` for text, and follows YAML 1.1, in
+which ``1:30`` is 90, ``010`` is 8 and ``1_0`` is 10. Here ``1e7`` and ``-.5`` are numbers, as in YAML 1.2,
+and the others are errors.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]
 
 
 TAG = "tag:yaml.org,2002:"
-_FLOAT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
+_FLOAT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$|[-+]\.\d+$")
 _Loader.add_implicit_resolver(f"{TAG}float", _FLOAT, list("-+.0123456789"))
 _Loader.add_constructor(f"{TAG}int", _Loader.construct_int)
 _Loader.add_constructor(f"{TAG}float", _Loader.construct_float)

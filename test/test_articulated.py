@@ -29,6 +29,7 @@ from collision_response import (
     resolve_contact,
     resolve_scene,
 )
+from collision_response.impact import NEEDS_FREE_SLIP
 from collision_response.physics.effective_mass import ContactKinematics
 from collision_response.physics.orientation import Quaternion
 
@@ -588,6 +589,81 @@ def test_a_door_answers_alike_wherever_its_frame_is(law, precision, frame):
             assert impact.impulse.y == pytest.approx(-(1 + e) * speed * moment / reach, rel=1e-12)
         with refused(StatusCode.INVALID_NORMAL, "contact.normal"):
             resolve(door, Body.static(), Contact.of(at, (1, 0, 0)))
+
+
+@each_law
+@pytest.mark.parametrize("precision", [Precision.AUTO, Precision.EXTENDED])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_flap_that_strikes_along_an_axis_of_the_world_stops_its_slip(axis, precision, law):
+    """The contact moves along one axis of the world, so all other entries of ``K`` are rounding, of either
+    sign. The impulse without friction ends the slip, too.
+    """
+    random, moment, e = np.random.default_rng(axis), 0.9, 0.5
+
+    def turned(vector):
+        return np.roll(vector, axis)
+
+    for _ in range(200):
+        angle, frame = random.uniform(0, 2 * math.pi), random.normal(size=3)
+        hinge, at, n = np.array([math.cos(angle), math.sin(angle), 0]), *random.normal(size=(2, 3))
+        at[2] = 0
+        arm = np.cross(hinge, at)
+        if abs(arm[2]) < 0.2 or abs(n[2]) < 0.3 * np.linalg.norm(n):
+            continue
+        speed = -math.copysign(1.0, arm[2] * n[2])
+        J = np.concatenate([turned(np.cross(hinge, frame)), turned(hinge)])
+        flap = Body.articulated(np.outer(J, J) / moment, turned(frame), *np.split(J * speed, 2))
+        contact = Contact.of(turned(at), turned(n), e, 0.9)
+        impact = resolve(flap, Body.static(), contact, ImpactModel(law, precision=precision))
+        right = turned(n) * (-(1 + e) * speed * moment / (n[2] * arm[2]))
+        assert impact.status is StatusCode.OK
+        assert np.linalg.norm(np.array(impact.impulse) - right) <= 1e-11 * np.linalg.norm(right)
+
+
+@pytest.mark.parametrize("precision", [Precision.DOUBLE, Precision.AUTO, Precision.EXTENDED])
+@pytest.mark.parametrize("digits", [24, 28, 29, 30, 31, 32, 36, 40, 50])
+def test_a_locked_direction_next_to_the_tangent_plane_is_within_the_bound(digits, precision):
+    """``K = J J^T`` is singular and exact. The contact sticks, so the impulse is known in fractions: that of
+    the approach, and the least one that stops the slip.
+    """
+    J = [[F(1), F(0)], [F(1, 2), F(1)], [F(0), F(1, 2**digits)]]  # locked is about (d / 2, -d, 1)
+    K = [[sum(a * b for a, b in zip(r, s, strict=True)) for s in J] for r in J]
+    u = [r[0] / 4 - r[1] * 5 / 4 for r in J]
+    j = -u[1] / K[1][1]
+    slip = [x + row[1] * j for x, row in zip(u, K, strict=True)]
+
+    def solved(v):  # (J^T J)^-1 v
+        (a, b), (_, c) = [[sum(r[i] * r[k] for r in J) for k in range(2)] for i in range(2)]
+        return [(c * v[0] - b * v[1]) / (a * c - b * b), (a * v[1] - b * v[0]) / (a * c - b * b)]
+
+    y = solved(solved([sum(r[i] * x for r, x in zip(J, slip, strict=True)) for i in range(2)]))
+    right = [-(r[0] * y[0] + r[1] * y[1]) for r in J]
+    right[1] += 2 * j
+    model = ImpactModel(Law.COULOMB, precision=precision)
+    floats = [[float(x) for x in row] for row in K]
+    found = resolve_contact(floats, [float(x) for x in u], (0, 1, 0), 1.0, 2.0, model)
+    off = sum((F(x) - y) ** 2 for x, y in zip(found.impulse, right, strict=True))
+    assert found.regime is Regime.STICKING
+    if found.error_bound == math.inf:  # float64 does not tell whether it counts as tangential
+        assert (digits, precision) == (30, Precision.DOUBLE)
+        return
+    assert off <= F(found.error_bound) ** 2 * sum(x * x for x in right)
+    assert found.error_bound < 1e-8
+
+
+@pytest.mark.parametrize("law", NEEDS_FREE_SLIP, ids=lambda law: law.name)
+@pytest.mark.parametrize("e", [0.5, 1.0])
+@pytest.mark.parametrize(("n", "mu"), [((2, 2, 0), 1.0), ((4, 3, 0), 0.75)])
+def test_a_locked_direction_on_the_edge_of_the_cone_is_in_it(n, mu, e, law):
+    """However the axes of the world are turned, which rounds it to either side."""
+    K, u = np.diag([0.0, 18.0, 2.0]), (0.0, -1.5, -1.5)
+    turns = [Quaternion(*q).rotation()[:3] for q in np.random.default_rng(1).normal(size=(100, 4)).tolist()]
+    for turn in map(np.array, turns):
+        turned = turn @ K @ turn.T
+        request = (turned + turned.T) / 2, turn @ u, turn @ n, e, mu
+        found, coulomb = (resolve_contact(*request, ImpactModel(one)) for one in (law, Law.COULOMB))
+        assert found.adjustments == Adjustment.LAW_FALLBACK | coulomb.adjustments
+        assert found.impulse == pytest.approx(coulomb.impulse, rel=1e-9)
 
 
 @each_law

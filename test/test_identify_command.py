@@ -415,3 +415,11 @@ def test_a_recording_of_another_program_is_refused_in_one_line(tmp_path: Path, c
 def test_a_recording_without_impacts_is_refused(tmp_path: Path, capsys):
     assert main([str(recording(tmp_path / "a.rrd", [], [(10**9, 1.0)]))]) == 2
     assert "/impacts: there are none in" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["m", "be", "columns"])
+def test_an_error_names_the_file_whatever_its_name(tmp_path: Path, monkeypatch, capsys, name):
+    (tmp_path / name).write_text("vz,vz_after\n-1,1\n")
+    monkeypatch.chdir(tmp_path)
+    assert main([name]) == 2
+    assert capsys.readouterr().err.startswith(f"collision_response identify: {name}: columns: must have m;")

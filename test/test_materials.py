@@ -221,7 +221,14 @@ def test_numbers_with_exponents_are_numbers(write, text):
     assert found.materials["steel"].stiffness == 1e7
 
 
-@pytest.mark.parametrize("text", ["1e", "e7", "1e7x", "1e7.0", "1 e7", "1e+-7"])
+@pytest.mark.parametrize(("text", "value"), [("-.5", -0.5), ("+.5", 0.5), (".5", 0.5), ("-0.5", -0.5)])
+def test_numbers_without_a_digit_before_the_point_are_numbers(write, text, value):
+    pairs = f"pairs: [{{materials: [steel, steel], tangential_restitution: {text}}}]"
+    found = Materials.read(write(f"materials: {{steel: {{}}}}\n{pairs}"))
+    assert [pair.tangential_restitution for pair in found.pairs.values()] == [value]
+
+
+@pytest.mark.parametrize("text", ["1e", "e7", "1e7x", "1e7.0", "1 e7", "1e+-7", "-.", "+.5x"])
 def test_what_only_looks_like_a_number_is_refused(write, text):
     with refused(StatusCode.INVALID_TABLE, match="stiffness"):
         Materials.read(write(f"materials: {{steel: {{stiffness: {text}}}}}"))

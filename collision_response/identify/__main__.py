@@ -107,7 +107,8 @@ def _failed(file: object, error: Exception) -> int:
         error = error.renamed({"kind": "--residuals", **options})
     code = f" ({error.code.name})" if isinstance(error, ImpactError) else ""
     reason = getattr(error, "strerror", None) or " ".join(str(error).split())  # strerror names no file
-    where = "" if str(file) in reason else f"{file}: "
+    is_word = str(file) == Path(str(file)).stem  # which may be in the reason by chance
+    where = "" if str(file) in reason and not is_word else f"{file}: "
     print(f"collision_response identify: {where}{reason}{code}", file=sys.stderr)
     return 2
 

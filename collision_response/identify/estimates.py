@@ -48,8 +48,9 @@ class Estimate(NamedTuple):
     Attributes:
         value: the best fit; NaN if the impacts do not determine the coefficient.
         low, high: 95 % interval of the bootstrap, and the values that fit as well where another coefficient
-            is not determined; if ``value`` is NaN, the limits of the values that the impacts do not rule out.
-            Not all values between these need to fit.
+            is not determined, with the interval of ``formal`` where few impacts determine this one; if
+            ``value`` is NaN, the limits of the values that the impacts do not rule out. Not all values
+            between these need to fit.
         formal: standard deviation according to least squares; far too small if the normals are noisy.
             Infinite if ``value`` is NaN.
     """
@@ -75,18 +76,32 @@ def estimates(problem: LeastSquares, best: Any, values: Array) -> tuple[dict[str
     SciPy's solution; ``values`` has a row for each resample, with NaN where a coefficient has no effect.
     """
     x, names = best.x, problem.names
-    covariance = _variance(problem, best) * np.linalg.pinv(best.jac.T @ best.jac)
+    covariance = _covariance(problem, best)
     least, most = np.array([SEARCH_RANGES[name][:2] for name in names]).T
     # Without an effect any value fits; of a coefficient without an upper limit, any that is large enough.
     lowest = np.where(np.isnan(values), np.where(np.isinf(most), most, least), values)
     highest = np.where(np.isnan(values), most, values)
     low, high = _percentile(lowest, 2.5), _percentile(highest, 97.5)
-    formal = np.sqrt(np.diag(covariance))
-    unknown, places = undetermined(problem, best)
-    low, high = np.min([low, *places], axis=0), np.max([high, *places], axis=0)
+    formal = formal_deviations(problem, best)
+    # If few impacts tell a coefficient, the resamples that hold any of them are nearly the same.
+    half = np.where(np.isnan(values).any(axis=0), DEVIATIONS * formal, 0)
+    places = [np.clip(x - half, least, most), np.clip(x + half, least, most)]
+    unknown, fits = undetermined(problem, best)
+    low, high = np.min([low, *places, *fits], axis=0), np.max([high, *places, *fits], axis=0)
     found = {name: Estimate(*map(float, row)) for name, *row in zip(names, x, low, high, formal, strict=True)}
     confounded = _confounded(best.jac, names)
     return found | unknown, (_product(x, highest, names, covariance) if confounded == set(PRODUCT) else None)
+
+
+def formal_deviations(problem: LeastSquares, best: Any) -> Array:
+    """Return the standard deviation of each fitted coefficient according to least squares."""
+    deviations: Array = np.sqrt(np.diag(_covariance(problem, best)))
+    return deviations
+
+
+def _covariance(problem: LeastSquares, best: Any) -> Array:
+    covariance: Array = _variance(problem, best) * np.linalg.pinv(best.jac.T @ best.jac)
+    return covariance
 
 
 def _percentile(values: Array, percent: float) -> Any:

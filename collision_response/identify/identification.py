@@ -13,7 +13,7 @@ from ..batch.arrays import Array, compared_by_identity
 from ..materials import RANGES
 from ..model import Law
 from ..status import ImpactError, StatusCode, format_value
-from .estimates import DEVIATIONS, Estimate, estimates, undetermined
+from .estimates import DEVIATIONS, Estimate, estimates, formal_deviations, undetermined
 from .least_squares import LOSSES, NEGLIGIBLE_SQUARES, PRECISION, SEARCH_RANGES, LeastSquares, residual_unit
 from .measurements import Impacts, Measurements, informative
 
@@ -135,14 +135,15 @@ def identify(
     problem = LeastSquares(used, law, fit, given, kind, loss, unit)
     problem, best, resampled = problem.best_and_resampled(resamples, seed)
     coefficients, combination = estimates(problem, best, resampled)
-    others = dict(_fits_to_other_residuals(problem, best))
+    fits = list(_fits_to_other_residuals(problem, best))
+    others = {kind: values for kind, values, _ in fits}
     values = problem.at(best.x)
     squares = (used.residuals(law, values, kind) ** 2).sum(axis=0)
     least = NEGLIGIBLE_SQUARES * unit**2  # not 0 even if nothing changes
     changes = (used.changes(kind) ** 2).sum(axis=0)
     whole = max(changes.sum(), least)
     misfit = math.sqrt(squares.sum() / whole)
-    notes = [*_notes(measured, len(used), coefficients, others), *_huge_changes(changes)]
+    notes = [*_notes(measured, len(used), coefficients, fits), *_huge_changes(changes)]
     if isinstance(used, Impacts) and misfit > LARGE_MISFIT:
         notes += _faults(used, kind, misfit, math.sqrt(whole))
     fitted = law, values, kind, coefficients, combination, others
@@ -205,8 +206,12 @@ def _informative_impacts(measured: Measurements, kind: str, count: int) -> Measu
     raise ImpactError(StatusCode.INVALID_TABLE, "impacts", reason)
 
 
-def _fits_to_other_residuals(problem: LeastSquares, best: Any) -> Iterator[tuple[str, dict[str, float]]]:
-    """Yield the other kinds of residuals with the coefficients that they determine, if there are any."""
+OtherFit = tuple[str, dict[str, float], dict[str, float]]
+"""A kind of residuals, the coefficients that it determines, and their formal standard deviations."""
+
+
+def _fits_to_other_residuals(problem: LeastSquares, best: Any) -> Iterator[OtherFit]:
+    """Yield the fits to the other kinds of residuals that determine any coefficients."""
     for kind in problem.measured.kinds:
         used = informative(problem.measured, kind)
         if kind == problem.kind or len(used) <= len(problem.names):
@@ -215,15 +220,13 @@ def _fits_to_other_residuals(problem: LeastSquares, best: Any) -> Iterator[tuple
         other, nearest = other.best(min(other.start(), best.x, key=other.squares))
         values, (unknown, _) = other.at(nearest.x), undetermined(other, nearest)
         known = {name: values[name] for name in problem.names if name not in unknown}
+        formal = dict(zip(problem.names, formal_deviations(other, nearest).tolist(), strict=True))
         if known:
-            yield kind, known
+            yield kind, known, formal
 
 
 def _notes(
-    measured: Measurements,
-    used: int,
-    coefficients: Mapping[str, Estimate],
-    others: Mapping[str, Mapping[str, float]],
+    measured: Measurements, used: int, coefficients: Mapping[str, Estimate], others: Sequence[OtherFit]
 ) -> Iterator[str]:
     """Yield remarks for the user about a fit."""
     approaching = int(measured.approaching().sum())
@@ -245,11 +248,19 @@ def _notes(
             yield f"{name}: too few impacts tell how large it may be; without them, no upper limit is known"
         elif (ratio := (high - low) / (2 * DEVIATIONS * formal)) > 2:
             yield f"{name}: the formal interval is {ratio:.2g} times too small"
-        apart = max((abs(values[name] - value) for values in others.values() if name in values), default=0.0)
-        if apart > DISAGREEMENT * formal:
+        # A good estimate differs from another one by sqrt(f^2 - formal^2), with the deviation f of the other
+        # (Hausman, "Specification Tests in Econometrics", Econometrica 46, 1978).
+        apart = [
+            (abs(values[name] - value), max(formal, math.sqrt(max(formals[name] ** 2 - formal**2, 0))))
+            for _, values, formals in others
+            if name in values
+        ]
+        far = [(distance, distance / sd) for distance, sd in apart if distance > DISAGREEMENT * sd]
+        if far:
+            distance, deviations = max(far)
             yield (
-                f"{name}: other kinds of residuals lead to a value {apart:.2g} away, which is "
-                f"{apart / formal:.0f} formal standard deviations: the geometry, the law or noise of the "
+                f"{name}: other kinds of residuals lead to a value {distance:.2g} away, which is "
+                f"{deviations:.0f} formal standard deviations: the geometry, the law or noise of the "
                 "normals has an effect that no interval here includes"
             )
 

@@ -68,6 +68,10 @@ PERPENDICULAR = 2.0**-60
 MOST_TURN = 2.0**-20
 """The angle by which locked directions may be off, at most: the energy of an answer may be off by as much."""
 
+EDGE = 2.0**-40
+"""A locked direction that is beyond the edge of the friction cone by this part may be in it: it is known from
+rounded numbers."""
+
 CANCELLATION = 2.0**-48
 """A difference of at most this part of its terms is rounding."""
 
@@ -283,12 +287,17 @@ class ContactKinematics(NamedTuple):
         K = self._possibly_singular_K()
         if self.is_rigid():
             return K
-        n, locked = self.n, self._locked_directions(K)
-        locked_n = locked @ n
-        is_tangential = locked_n.dot(locked_n) <= PERPENDICULAR * n.dot(n)
+        locked = self._locked_directions(K)
         return choose(
-            is_tangential, lambda: K + locked * K.least_nonzero_eigenvalue(self._rounding_of_K()), lambda: K
+            self._locked_part_of_normal(locked) <= PERPENDICULAR,
+            lambda: K + locked * K.least_nonzero_eigenvalue(self._rounding_of_K()),
+            lambda: K,
         )
+
+    def _locked_part_of_normal(self, locked: Symmetric3) -> Scalar:
+        """The square of the part of the normal that is along locked directions."""
+        n, locked_n = self.n, locked @ self.n
+        return locked_n.dot(locked_n) / n.dot(n)
 
     def regularized(self, K: Symmetric3) -> Symmetric3:
         """``K``, made invertible: with its smallest non-zero eigenvalue where a mechanism is locked.
@@ -323,6 +332,17 @@ class ContactKinematics(NamedTuple):
             return 0
         return certain(abs(self.n.dot(self.locked_u)) / or_one(abs(self.n_u)))
 
+    def tilt_of_tangential_directions(self) -> Scalar:
+        """The angle between locked directions that count as tangential and the tangent plane; 0 for others.
+
+        In ``K``, an impulse along the normal moves the contact along such a direction, where the tangential
+        impulse seems to have to stop it: it is off by as much as this part of the normal impulse.
+        """
+        if not self.locked_u:
+            return 0
+        part = certain(self._locked_part_of_normal(self._locked_directions(self._possibly_singular_K())))
+        return choose(part <= PERPENDICULAR, lambda: square_root(part), lambda: 0 * part)
+
     def is_movable_along_normal(self) -> Condition:
         """Whether an impulse along the normal moves the contact."""
         n, K = Vec3(*_scaled(*self.n)), self._possibly_singular_K()
@@ -344,9 +364,8 @@ class ContactKinematics(NamedTuple):
         """Whether a locked direction lies in the friction cone: no law determines the impulse along it."""
         n, locked = Vec3(*_scaled(*self.n)), self._locked_directions(self.inverse_effective_mass())
         nn, along = n.dot(n), n.dot(locked @ n)
-        return self.has_locked_direction() & (
-            square_root(maximum(nn - along, 0 * nn)) <= mu * square_root(along)
-        )
+        across = square_root(maximum(nn - along, 0 * nn))
+        return self.has_locked_direction() & (across <= mu * square_root(along) * (1 + EDGE))
 
     def can_come_to_rest(self) -> Condition:
         """Whether some impulse brings the contact to rest: ``u`` lies in the range of ``K``.

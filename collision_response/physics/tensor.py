@@ -126,6 +126,7 @@ class Symmetric3(NamedTuple):
         has_rank_two = certain(minors) > rounding
         coupled = certain(SINGULAR * (xx * yy * zz))
         is_definite = certain(det) > maximum(coupled, self._least_share(least) * certain(minors))
+        is_definite = has_rank_two & is_definite  # the determinant of rank one is rounding of any size
         size = choose(has_rank_two, lambda: minors, lambda: xx + yy + zz)
         size = choose(certain(size) > 0, lambda: size, lambda: size * 0 + 1)
 

@@ -42,9 +42,13 @@ def result_in(
 
 
 def number_of_names(request: Any) -> int:
-    """Number of lines in the field ``names`` of a request: cheap even if there are too many to split them."""
+    """Number of lines in the field ``names`` of a request: cheap even if there are too many to split them.
+
+    If the last two are empty, one of them is not in ``names_in``.
+    """
     names: str = request.names
-    return names.count("\n") + (names[-1:] not in ("", "\n"))
+    is_last_ended = names.endswith("\n") and not names.endswith("\n\n")
+    return names.count("\n") + (not is_last_ended) if names else 0
 
 
 def names_in(request: Any) -> list[str]:

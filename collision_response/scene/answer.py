@@ -55,7 +55,7 @@ class SceneImpact(NamedTuple):
             it is infinite where the law has several answers.
         decision_margin: distance from the threshold of the nearest velocity that decided whether a contact
             takes part in a reflection, relative to the fastest approach of its cluster. The answer jumps at
-            the threshold.
+            the threshold. COULOMB with friction has other jumps, see ``docs/scenes.md``.
         adjustments: what was changed from what was asked.
     """
 
