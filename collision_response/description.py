@@ -283,7 +283,7 @@ def _is_fixed(joint: Element, types: Sequence[str]) -> bool:
 
 def _urdf_inertial(link: Element) -> Inertial:
     where = f"link {link.get('name')!r}"
-    inertial = link.find("inertial")
+    inertial = _child_or_none(link, "inertial", where)
     if inertial is None:
         return Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
     mass = _mass(_child(inertial, "mass", where).get("value"), where)
@@ -293,7 +293,7 @@ def _urdf_inertial(link: Element) -> Inertial:
 
 
 def _urdf_pose(owner: Element, where: str) -> Pose:
-    origin = owner.find("origin")
+    origin = _child_or_none(owner, "origin", where)
     if origin is None:
         return np.eye(4)
     xyz = _numbers(origin.get("xyz", "0 0 0"), 3, f"xyz of {where}")
@@ -358,7 +358,7 @@ def _sdf(model: Element) -> tuple[dict[str, Inertial], tuple[Joint, ...]]:
 
 def _sdf_inertial(link: Element) -> Inertial:
     where = f"link {link.get('name')!r}"
-    inertial = link.find("inertial")
+    inertial = _child_or_none(link, "inertial", where)
     if inertial is None:
         return Inertial(1.0, np.zeros(3), np.eye(3))
     if _is_true(inertial.get("auto")):
@@ -461,8 +461,15 @@ def _mass(text: str | None, where: str) -> float:
     return mass
 
 
+def _child_or_none(owner: Element, tag: str, where: str) -> Element | None:
+    found = owner.findall(tag)
+    if len(found) > 1:
+        raise ValueError(f"{where} has {len(found)} <{tag}>")
+    return found[0] if found else None
+
+
 def _child(owner: Element, tag: str, where: str) -> Element:
-    child = owner.find(tag)
+    child = _child_or_none(owner, tag, where)
     if child is None:
         raise ValueError(f"{where} has no <{tag}>")
     return child

@@ -212,6 +212,15 @@ def test_a_link_may_share_its_name_with_a_joint_or_a_frame():
         (urdf(turned("0 0 0 0")), "quat_xyzw of link 'a': the quaternion must be finite and not 0"),
         (urdf("<link name='a'><inertial/></link>"), "link 'a' has no <mass>"),
         (urdf(link("a", 1.0), joint("a", "b")), "joint 'a-b': the robot has no link 'b'"),
+        (urdf("<link name='a'><inertial/><inertial/></link>"), "link 'a' has 2 <inertial>"),
+        (sdf("<link name='a'><inertial/><inertial/></link>"), "link 'a' has 2 <inertial>"),
+        (urdf(link("a", 1.0).replace("<mass", "<mass value='2'/><mass")), "link 'a' has 2 <mass>"),
+        (
+            urdf(
+                link("a", 1.0), link("b", 1.0), joint("a", "b").replace("<child", "<child link='a'/><child")
+            ),
+            "joint 'a-b' has 2 <child>",
+        ),
         (
             urdf(link("a", 1.0), link("b", 1.0), link("arm", 95.0), joint("a", "b")),
             "robot 'robot' has more than one root: joints must connect all links; a, arm have no parent",

@@ -303,6 +303,13 @@ def test_a_qos_override_that_overrides_nothing_is_warned_about(graph, given, mea
     assert wait_until(lambda: [text for text in logged if "there is no" in text]) == [expected]
 
 
+def test_no_far_name_is_proposed_for_an_unknown_parameter(graph):
+    logged = graph.log()
+    graph.serve(nosuch=3)
+    said = wait_until(lambda: [text for text in logged if "there is no" in text])
+    assert said == ["there is no parameter 'nosuch'"]
+
+
 def test_a_qos_override_applies_to_one_topic(graph):
     name = f"qos_overrides.{graph.namespace}/collision_response/result.publisher"
     graph.serve(**{f"{name}.reliability": "best_effort", f"{name}.depth": 3})

@@ -283,8 +283,9 @@ def warn_of_unknown(node: Node, given: set[str]) -> None:
     """
     known = list(node.get_parameters_by_prefix(""))
     for name in sorted(given.difference(known)):
-        (closest,) = get_close_matches(name, known, 1, 0.0)
-        node.get_logger().warning(f"there is no parameter {name!r}; did you mean {closest!r}?")
+        closest = get_close_matches(name, known, 1)
+        hint = f"; did you mean {closest[0]!r}?" if closest else ""
+        node.get_logger().warning(f"there is no parameter {name!r}{hint}")
 
 
 Limits: TypeAlias = Mapping[str, tuple[float, float]]
