@@ -56,8 +56,7 @@ class Skyline {
   template <class T>
   void solve(const std::vector<T>& b, std::vector<T>& x) {
     const int count = rows.size();
-    const auto& [place, first, start] = rows;
-    auto row_of = [&](int i) { return entries.data() + start[i] - first[i]; };
+    const std::vector<int>&place = rows.place, &first = rows.first;
     for (int i = 0; i < count; ++i) rhs[place[i]] = -rounded_to<R>(b[i]);
     for (int k = 0; k < count; ++k) {
       R& pivot = row_of(k)[k];
@@ -83,6 +82,8 @@ class Skyline {
   }
 
  private:
+  // The entry of row i in column j is row_of(i)[j].
+  R* row_of(int i) { return entries.data() + rows.start[i] - rows.first[i]; }
   // y += by x
   INLINE void add_multiple(R* __restrict y, R by, const R* __restrict x, int count) {
     for (int k = 0; k < count; ++k) {
