@@ -118,9 +118,9 @@ class Description(NamedTuple):
 
         Raises:
             ValueError: if ``text`` is neither, or has an invalid number, a negative mass, a link, joint or
-                frame without a name or with that of another one of its kind, or a joint of unknown type; if a
-                URDF is not a tree or has xacro elements; if an SDF model is static, or has a pose that is
-                relative to a name that two have. The message says where.
+                frame without a name or with that of another one of its kind, two elements where one belongs,
+                or a joint of unknown type; if a URDF is not a tree or has xacro elements; if an SDF model is
+                static, or has a pose that is relative to a name that two have. The message says where.
             TypeError: if it is not text.
         """
         if not isinstance(text, (str, bytes)):

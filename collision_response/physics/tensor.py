@@ -125,8 +125,8 @@ class Symmetric3(NamedTuple):
         minors, rounding = self._minors(least)
         has_rank_two = certain(minors) > rounding
         coupled = certain(SINGULAR * (xx * yy * zz))
-        is_definite = certain(det) > maximum(coupled, self._least_share(least) * certain(minors))
-        is_definite = has_rank_two & is_definite  # the determinant of rank one is rounding of any size
+        least_det = maximum(coupled, self._least_share(least) * certain(minors))
+        is_definite = has_rank_two & (certain(det) > least_det)  # of rank one, det is rounding of either sign
         size = choose(has_rank_two, lambda: minors, lambda: xx + yy + zz)
         size = choose(certain(size) > 0, lambda: size, lambda: size * 0 + 1)
 

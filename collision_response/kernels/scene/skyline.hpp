@@ -23,6 +23,11 @@ struct SkylineRows {
     for (int i = 0; i < count; ++i) start[i + 1] = start[i] + static_cast<size_t>(i - first[i] + 1);
   }
   int size() const { return static_cast<int>(place.size()); }
+  // Where a row would begin if it had all columns: its entry in column j is row(entries, i)[j].
+  template <class R>
+  R* row(std::vector<R>& entries, int i) const {
+    return entries.data() + start[i] - first[i];
+  }
   // Whether the row of i is below that of j, or the same.
   bool is_below(int i, int j) const { return place[i] >= place[j]; }
   // Where the entry of i and j is.
@@ -59,14 +64,14 @@ class Skyline {
     const std::vector<int>&place = rows.place, &first = rows.first;
     for (int i = 0; i < count; ++i) rhs[place[i]] = -rounded_to<R>(b[i]);
     for (int k = 0; k < count; ++k) {
-      R& pivot = row_of(k)[k];
+      R& pivot = rows.row(entries, k)[k];
       pivot = high(pivot) > 0 ? constant<R>(1) / root(pivot) : constant<R>(0x1p-200);
       rhs[k] = rhs[k] * pivot;
       // All at once: a processor waits if it loads two numbers together that have just been stored one by one.
-      for (int i = k + 1; i < end[k]; ++i) column[i] = first[i] > k ? R{} : row_of(i)[k] * pivot;
+      for (int i = k + 1; i < end[k]; ++i) column[i] = first[i] > k ? R{} : rows.row(entries, i)[k] * pivot;
       for (int i = k + 1; i < end[k]; ++i) {
         if (first[i] > k) continue;
-        R* row = row_of(i) + k;
+        R* row = rows.row(entries, i) + k;
         row[0] = column[i];
         add_multiple(row + 1, -column[i], column.data() + k + 1, i - k);
         rhs[i] -= column[i] * rhs[k];
@@ -74,7 +79,7 @@ class Skyline {
       }
     }
     for (int i = count; i-- > 0;) {
-      const R* row = row_of(i);
+      const R* row = rows.row(entries, i);
       rhs[i] = rhs[i] * row[i];
       for (int j = first[i]; j < i; ++j) rhs[j] -= row[j] * rhs[i];
     }
@@ -82,8 +87,6 @@ class Skyline {
   }
 
  private:
-  // The entry of row i in column j is row_of(i)[j].
-  R* row_of(int i) { return entries.data() + rows.start[i] - rows.first[i]; }
   // y += by x
   INLINE void add_multiple(R* __restrict y, R by, const R* __restrict x, int count) {
     for (int k = 0; k < count; ++k) {
@@ -135,15 +138,14 @@ class UnsymmetricSkyline {
   bool solve(Vector& x) {
     const std::vector<int>&place = rows.place, &first = rows.first;
     const int count = rows.size();
-    auto at_row = [this](Vector& entries, int i) { return entries.data() + rows.start[i] - rows.first[i]; };
     Vector b(count);
     for (int i = 0; i < count; ++i) b[place[i]] = x[i];
     for (int i = 0; i < count; ++i) {
-      double *L = at_row(lower, i), *U = at_row(upper, i);
+      double *L = rows.row(lower, i), *U = rows.row(upper, i);
       for (int j = first[i]; j < i; ++j) {
         const int from = std::max(first[i], first[j]);
-        const double* L_above = at_row(lower, j);
-        L[j] -= dot(L + from, at_row(upper, j) + from, j - from);
+        const double* L_above = rows.row(lower, j);
+        L[j] -= dot(L + from, rows.row(upper, j) + from, j - from);
         U[j] = (U[j] - dot(L_above + from, U + from, j - from)) / L_above[j];
         work += 2 * (j - from);
       }
@@ -152,7 +154,7 @@ class UnsymmetricSkyline {
       b[i] = (b[i] - dot(L + first[i], b.data() + first[i], i - first[i])) / L[i];
     }
     for (int i = count; i-- > 0;)
-      for (int j = first[i]; j < i; ++j) b[j] -= at_row(upper, i)[j] * b[i];
+      for (int j = first[i]; j < i; ++j) b[j] -= rows.row(upper, i)[j] * b[i];
     for (int i = 0; i < count; ++i) x[i] = b[place[i]];
     return true;
   }
