@@ -21,6 +21,7 @@ SOURCE = """
 #include "scene/cluster.cpp"
 #include "scene/effect.cpp"
 #include "scene/least_norm.cpp"
+#include "scene/list.cpp"
 #include "validity_everything.hpp"
 
 void check_everything(const double* input, double* fault, bool* flags) {

@@ -98,7 +98,7 @@ PyObject* approaches_below(PyObject* self, PyObject* given) {
 
 // contradictory_contacts(): the few contacts that seem to contradict each other, or an empty list.
 PyObject* find_contradictory_contacts(PyObject* self, PyObject*) {
-  const std::vector<int> found = contradictory_contacts(assembly_of(self));
+  const List<int> found = contradictory_contacts(assembly_of(self));
   return listed(found.size(), [&found](size_t i) { return PyLong_FromLong(found[i]); });
 }
 

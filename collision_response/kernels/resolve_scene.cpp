@@ -61,11 +61,11 @@ namespace {
 // A scene from Python.
 struct SceneRequest {
   PyObject *given_bodies, *given_pairs, *given_contacts;  // tuples
-  std::vector<std::array<double, BODY>> bodies{};
-  std::vector<std::array<double, CONTACT>> contacts{};
-  std::vector<std::int64_t> a{}, b{}, order{}, starts{}, cluster{};  // see ContactPairs, divide_into_clusters()
+  List<std::array<double, BODY>> bodies{};
+  List<std::array<double, CONTACT>> contacts{};
+  List<std::int64_t> a{}, b{}, order{}, starts{}, cluster{};  // see ContactPairs, divide_into_clusters()
   std::unique_ptr<bool[]> movable{};
-  std::vector<char> has_contact{};  // for each body
+  List<char> has_contact{};  // for each body
   long clusters = 0;
   bool has_friction = false;
 
@@ -163,7 +163,7 @@ class SceneAnswer {
   double energies[4] = {}, bound = 0, margin = INFINITY;
   int law, geometry = GEOMETRY_AUTO, precision = PRECISION_AUTO, adjustments = 0;
   bool is_separating = true;
-  std::vector<int> place;  // for take_parts()
+  List<int> place;  // for take_parts()
 
   void put_body(std::int64_t i, const double* twist, const double* change) {
     PyTuple_SET_ITEM(column[TWISTS], i, make_twist(twist));

@@ -18,11 +18,11 @@ bool ActiveSet<R>::append(int i) {
 }
 
 template <class R>
-std::vector<int> ActiveSet<R>::span(const std::vector<int>& among, double dependent) {
-  std::vector<int> left(among);
+List<int> ActiveSet<R>::span(const List<int>& among, double dependent) {
+  List<int> left(among);
   const size_t width = among.size();
-  std::vector<R> rows(stride * width), pivot(stride);  // rows of the factor
-  std::vector<size_t> first(stride, width);  // in each row, the place of the first element that is not 0
+  List<R> rows(stride * width), pivot(stride);  // rows of the factor
+  List<size_t> first(stride, width);  // in each row, the place of the first element that is not 0
   for (int i : left) pivot[i] = A[i * stride + i];
   while (!left.empty()) {
     size_t best = 0;
@@ -54,7 +54,7 @@ std::vector<int> ActiveSet<R>::span(const std::vector<int>& among, double depend
 
 template <class R>
 void ActiveSet<R>::drop(size_t place) {
-  std::vector<int> later(members.begin() + place + 1, members.end());
+  List<int> later(members.begin() + place + 1, members.end());
   for (size_t k = place; k < members.size(); ++k) is_member[members[k]] = false;
   members.resize(place);
   first_of.resize(place);
@@ -68,9 +68,9 @@ void ActiveSet<R>::solve(R* y) const {
 }
 
 template <class R>
-std::vector<R> ActiveSet<R>::diagonal_of_inverse() const {
+List<R> ActiveSet<R>::diagonal_of_inverse() const {
   const size_t m = members.size();
-  std::vector<R> diagonal(m), column(m);
+  List<R> diagonal(m), column(m);
   for (size_t k = 0; k < m; ++k) {
     std::fill(column.begin(), column.end(), R{});
     column[k] = constant<R>(1);
@@ -81,7 +81,7 @@ std::vector<R> ActiveSet<R>::diagonal_of_inverse() const {
 }
 
 template <class R>
-R ActiveSet<R>::line(int i, std::vector<R>& w) const {
+R ActiveSet<R>::line(int i, List<R>& w) const {
   w.resize(members.size());
   for (size_t k = 0; k < w.size(); ++k) w[k] = A[i * stride + members[k]];
   forward(w.data(), w.size());
@@ -114,20 +114,19 @@ void ActiveSet<R>::backward(R* y) const {
 }
 
 template <class R>
-Minimum<R> minimise(const std::vector<R>& A, const std::vector<R>& b, const std::vector<int>& among,
-                    const std::vector<int>& guess) {
+Minimum<R> minimise(const List<R>& A, const List<R>& b, const List<int>& among, const List<int>& guess) {
   const int stride = static_cast<int>(b.size());
-  Minimum<R> result{{A.data(), stride}, std::vector<R>(b.size())};
+  Minimum<R> result{{A.data(), stride}, List<R>(b.size())};
   ActiveSet<R>& active = result.active;
-  std::vector<R>& x = result.x;
-  std::vector<R> y;
+  List<R>& x = result.x;
+  List<R> y;
   auto solve_active = [&] {
     y.clear();
     for (int j : active.members) y.push_back(-b[j]);
     active.solve(y.data());
     for (size_t k = 0; k < y.size(); ++k) x[active.members[k]] = high(y[k]) > 0 ? y[k] : R{};
   };
-  std::vector<int> begin(guess);
+  List<int> begin(guess);
   for (bool is_positive = begin.empty(); !is_positive;) {
     active = {A.data(), stride};
     for (int i : begin) active.append(i);
@@ -139,8 +138,8 @@ Minimum<R> minimise(const std::vector<R>& A, const std::vector<R>& b, const std:
     is_positive = begin.size() == active.members.size();
   }
   size_t n = among.size();
-  std::vector<int> coupled;  // for each of `among`, those that it is coupled with
-  std::vector<size_t> end;
+  List<int> coupled;  // for each of `among`, those that it is coupled with
+  List<size_t> end;
   coupled.reserve(8 * n);
   end.reserve(n);
   for (int i : among) {
@@ -182,7 +181,5 @@ Minimum<R> minimise(const std::vector<R>& A, const std::vector<R>& b, const std:
 
 template class ActiveSet<double>;
 template class ActiveSet<DD>;
-template Minimum<double> minimise(const Vector& A, const Vector& b, const std::vector<int>& among,
-                                  const std::vector<int>& guess);
-template Minimum<DD> minimise(const std::vector<DD>& A, const std::vector<DD>& b, const std::vector<int>& among,
-                              const std::vector<int>& guess);
+template Minimum<double> minimise(const Vector& A, const Vector& b, const List<int>& among, const List<int>& guess);
+template Minimum<DD> minimise(const List<DD>& A, const List<DD>& b, const List<int>& among, const List<int>& guess);

@@ -30,7 +30,7 @@ class ActiveSet {
     factor.reserve(few * (few + 1) / 2);
   }
 
-  std::vector<int> members;
+  List<int> members;
   bool has(int i) const { return is_member[i]; }
 
   // Make column i active if it is independent of the active ones. Whether it is.
@@ -38,7 +38,7 @@ class ActiveSet {
 
   // Make an independent subset of `among` active, the column farthest from dependent first. Returns the others: they
   // depend on the subset, with pivots up to `dependent`.
-  std::vector<int> span(const std::vector<int>& among, double dependent = DEPENDENT<R>);
+  List<int> span(const List<int>& among, double dependent = DEPENDENT<R>);
 
   // How far the last active column is from dependent on the others.
   double last_pivot() const { return high(factor.back() * factor.back()); }
@@ -49,11 +49,11 @@ class ActiveSet {
   void solve(R* y) const;
 
   // The diagonal of A_PP^-1.
-  std::vector<R> diagonal_of_inverse() const;
+  List<R> diagonal_of_inverse() const;
 
   // The line that keeps the zeros of A x + b as x_i grows: x_P decreases by w. Returns the curvature along it; 0 if
   // column i depends on the active ones.
-  R line(int i, std::vector<R>& w) const;
+  R line(int i, List<R>& w) const;
 
  private:
   size_t forward(R* y, size_t m) const;
@@ -61,9 +61,9 @@ class ActiveSet {
 
   const R* A;
   int stride;
-  std::vector<char> is_member;
-  std::vector<R> factor;  // rows of the lower triangle
-  std::vector<size_t> first_of;  // for each of its rows, the place of the first element that is not 0
+  List<char> is_member;
+  List<R> factor;  // rows of the lower triangle
+  List<size_t> first_of;  // for each of its rows, the place of the first element that is not 0
 };
 
 enum class MinimumStatus { FOUND, UNBOUNDED, TOO_LONG };
@@ -74,7 +74,7 @@ template <class R, class Move, class At>
 MinimumStatus enter(ActiveSet<R>& active, int i, R slope, Move move, At at) {
   constexpr int MOST_TURNS = 10000;
   auto positive = [](const R& x) { return high(x) > 0 ? x : R{}; };
-  std::vector<R> w;
+  List<R> w;
   for (int turn = 0;; ++turn) {
     R curvature = active.line(i, w);
     R step = high(curvature) > 0 ? positive(-slope) / curvature : constant<R>(INFINITY);
@@ -98,7 +98,7 @@ MinimumStatus enter(ActiveSet<R>& active, int i, R slope, Move move, At at) {
 template <class R>
 struct Minimum {
   ActiveSet<R> active;  // A x + b is 0 on it, and x is 0 outside of it
-  std::vector<R> x;
+  List<R> x;
   MinimumStatus status = MinimumStatus::TOO_LONG;
   int last = -1;  // the component that entered last
 };
@@ -106,5 +106,4 @@ struct Minimum {
 // Minimise over the components `among`; the others are 0. A is stored by rows. The method begins on those of the active
 // set `guess` on which x is positive.
 template <class R>
-Minimum<R> minimise(const std::vector<R>& A, const std::vector<R>& b, const std::vector<int>& among,
-                    const std::vector<int>& guess = {});
+Minimum<R> minimise(const List<R>& A, const List<R>& b, const List<int>& among, const List<int>& guess = {});

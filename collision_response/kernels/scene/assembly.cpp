@@ -121,8 +121,8 @@ std::array<ContactAxis<R>, 3> Assembly::axes_of(const AssembledContact& contact)
   return axes;
 }
 
-std::vector<N> Assembly::twist_changes(const DD* p) const {
-  std::vector<N> twists(6 * static_cast<size_t>(body_count), exact(0.0));
+List<N> Assembly::twist_changes(const DD* p) const {
+  List<N> twists(6 * static_cast<size_t>(body_count), exact(0.0));
   for (int i = 0; i < count; ++i) {
     if (p[i].h == 0) continue;
     for (int side = 0; side < 2; ++side)
@@ -134,7 +134,7 @@ std::vector<N> Assembly::twist_changes(const DD* p) const {
   return twists;
 }
 
-N Assembly::velocity_change(const AssembledContact& contact, const std::vector<N>& twists) const {
+N Assembly::velocity_change(const AssembledContact& contact, const List<N>& twists) const {
   N sum = exact(0.0);
   for (int side = 0; side < 2; ++side)
     if (contact.body[side] >= 0)
@@ -142,18 +142,18 @@ N Assembly::velocity_change(const AssembledContact& contact, const std::vector<N
   return sum;
 }
 
-std::vector<N> Assembly::velocities(const DD* p) const {
-  std::vector<N> u(count);
+List<N> Assembly::velocities(const DD* p) const {
+  List<N> u(count);
   for (int i = 0; i < count; ++i) u[i] = contacts[i].velocity;
   if (std::all_of(p, p + count, [](const DD& x) { return x.h == 0; })) return u;
-  std::vector<N> twists = twist_changes(p);
+  List<N> twists = twist_changes(p);
   for (int i = 0; i < count; ++i) u[i] = u[i] + velocity_change(contacts[i], twists);
   return u;
 }
 
 template <class R>
-std::vector<R> Assembly::scaled_couplings() const {
-  std::vector<R> matrix(static_cast<size_t>(count) * count);
+List<R> Assembly::scaled_couplings() const {
+  List<R> matrix(static_cast<size_t>(count) * count);
   for (int i = 0; i < count; ++i)
     for (int j = 0; j <= i; ++j)
       matrix[i * count + j] = matrix[j * count + i] =
@@ -194,10 +194,10 @@ void Assembly::set_columns(AssembledContact& contact) const {
 // Find a velocity that separates all contacts, in the digits of R: the least d with N^T d >= 1, scaled. Whether it does.
 template <class R>
 bool Assembly::find_separating_velocity() {
-  const Minimum<R> minimum = minimise(couplings<R>(), std::vector<R>(count, constant<R>(-1)), all_contacts());
-  std::vector<DD> d(count);
+  const Minimum<R> minimum = minimise(couplings<R>(), List<R>(count, constant<R>(-1)), all_contacts());
+  List<DD> d(count);
   for (int i = 0; i < count; ++i) d[i] = lifted<DD>(minimum.x[i] * constant<R>(contacts[i].scale));
-  std::vector<N> twists = twist_changes(d.data());
+  List<N> twists = twist_changes(d.data());
   separation.resize(count);
   double square = 0;
   bool separates = true;
@@ -212,4 +212,4 @@ bool Assembly::find_separating_velocity() {
 }
 
 template std::array<ContactAxis<DD>, 3> Assembly::axes_of(const AssembledContact& contact) const;
-template std::vector<DD> Assembly::scaled_couplings() const;
+template List<DD> Assembly::scaled_couplings() const;

@@ -11,9 +11,9 @@
 
 struct Assembly {
   int count = 0, body_count = 0;  // of contacts, of movable bodies
-  std::vector<AssembledContact> contacts;
-  std::vector<AssembledBody> bodies;  // the movable ones
-  std::vector<AssembledBody> walls;  // the immovable ones that move, once for each contact
+  List<AssembledContact> contacts;
+  List<AssembledBody> bodies;  // the movable ones
+  List<AssembledBody> walls;  // the immovable ones that move, once for each contact
   bool has_moving_wall = false;
   bool walls_move_apart = false;  // whether no observer sees all immovable bodies at rest
   // A velocity that separates all contacts, if there is one: by how much, scaled, and its size in the metric of kinetic
@@ -40,7 +40,7 @@ struct Assembly {
   }
   // The matrix A: n.K n of all pairs of contacts, scaled to a diagonal of 1, in the digits of R.
   template <class R>
-  const std::vector<R>& couplings() const {
+  const List<R>& couplings() const {
     if constexpr (is_scalar<R>) {
       return A;
     } else {
@@ -68,13 +68,13 @@ struct Assembly {
   std::array<ContactAxis<R>, 3> axes_of(const AssembledContact& contact) const;
 
   // The changes of the twists of the movable bodies by impulses p.
-  std::vector<N> twist_changes(const DD* p) const;
+  List<N> twist_changes(const DD* p) const;
 
   // The change of a normal velocity, times the length of the normal, by changes of twists.
-  N velocity_change(const AssembledContact& contact, const std::vector<N>& twists) const;
+  N velocity_change(const AssembledContact& contact, const List<N>& twists) const;
 
   // The normal velocities after impulses p, times the lengths of the normals.
-  std::vector<N> velocities(const DD* p) const;
+  List<N> velocities(const DD* p) const;
 
   // An upper bound on |M^-1 N p| in the metric of kinetic energy.
   double velocity_size(const DD* p) const {
@@ -83,8 +83,8 @@ struct Assembly {
     return sum * ROUND_UP;
   }
 
-  std::vector<int> all_contacts() const {
-    std::vector<int> all(count);
+  List<int> all_contacts() const {
+    List<int> all(count);
     std::iota(all.begin(), all.end(), 0);
     return all;
   }
@@ -99,10 +99,10 @@ struct Assembly {
  private:
   std::optional<AssembledBody> first_wall;
   Vector A;
-  mutable std::vector<DD> finer_A;  // found when it is first asked for
+  mutable List<DD> finer_A;  // found when it is first asked for
 
   template <class R>
-  std::vector<R> scaled_couplings() const;
+  List<R> scaled_couplings() const;
 
   void set_columns(AssembledContact& contact) const;
   template <class R>

@@ -4,7 +4,7 @@
 #include "../check.hpp"
 
 Cluster::Cluster(const ClusterParts& parts, bool frictionless) {
-  std::vector<AssembledBody> bodies(parts.bodies.size());
+  List<AssembledBody> bodies(parts.bodies.size());
   for (size_t i = 0; i < bodies.size(); ++i) {
     AssembledBody& body = bodies[i];
     std::copy(parts.bodies[i].begin(), parts.bodies[i].end(), body.x);

@@ -11,9 +11,9 @@ struct ClusterParts {
     int body[2];
     double x[CONTACT], copies;
   };
-  std::vector<std::array<double, BODY>> bodies;
-  std::vector<Contact> contacts;
-  std::vector<std::int64_t> indices{};  // of the bodies in the scene
+  List<std::array<double, BODY>> bodies;
+  List<Contact> contacts;
+  List<std::int64_t> indices{};  // of the bodies in the scene
 
   // Whether a contact is given twice, in whichever order it names its bodies. With `frictionless`, copies may differ in
   // friction.
@@ -40,7 +40,7 @@ struct ClusterParts {
 // to x. `place` must be -1 for all bodies, and is -1 again afterwards.
 template <class Scene>
 ClusterParts take_parts(const Scene& scene, const ContactPairs& pairs, const std::int64_t* first,
-                        const std::int64_t* last, std::vector<int>& place) {
+                        const std::int64_t* last, List<int>& place) {
   ClusterParts parts;
   auto place_of = [&](std::int64_t b) {
     if (place[b] < 0) {
@@ -61,7 +61,7 @@ ClusterParts take_parts(const Scene& scene, const ContactPairs& pairs, const std
 
 struct Cluster {
   Assembly assembly;
-  std::vector<int> movable_place;  // for each body, its place among the movable ones, or -1
+  List<int> movable_place;  // for each body, its place among the movable ones, or -1
   double energy = 0;  // kinetic energy of the movable bodies
   bool has_massless_spin = false, has_off_unit_orientation = false, has_friction = false;
   int fault = 0;  // status of the first invalid contact, or 0

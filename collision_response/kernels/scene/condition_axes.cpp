@@ -11,9 +11,9 @@ double length_of(const Axes& v) { return std::sqrt(dot(v.data(), v.data(), 3)); 
 constexpr double TILT = 4.5e-5;
 
 // The contacts on one face with the first, by way of neighbours, so that no order matters.
-std::vector<int> face_of(const Assembly& assembly, int first) {
-  std::vector<int> face{first};
-  std::vector<bool> is_found(assembly.count);
+List<int> face_of(const Assembly& assembly, int first) {
+  List<int> face{first};
+  List<bool> is_found(assembly.count);
   is_found[first] = true;
   for (size_t k = 0; k < face.size(); ++k)
     for (int i = first + 1; i < assembly.count; ++i)
@@ -33,7 +33,7 @@ struct Plane {
 
 Axes difference(const double* a, const double* b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
 
-Plane plane_of(const Assembly& assembly, const std::vector<int>& face) {
+Plane plane_of(const Assembly& assembly, const List<int>& face) {
   Plane plane{};
   const Axes first = assembly.contacts[face[0]].unit_vectors<double>()[0];
   for (int i : face) {
@@ -76,18 +76,18 @@ ConditionAxes axes_on(const Plane& plane, const AssembledContact& contact) {
 
 }  // namespace
 
-std::vector<ConditionAxes> own_axes(const Assembly& assembly) {
-  std::vector<ConditionAxes> all;
+List<ConditionAxes> own_axes(const Assembly& assembly) {
+  List<ConditionAxes> all;
   for (const AssembledContact& contact : assembly.contacts) all.push_back({contact.axes});
   return all;
 }
 
-std::vector<ConditionAxes> face_axes(const Assembly& assembly) {
-  std::vector<ConditionAxes> all = own_axes(assembly);
-  std::vector<bool> is_done(assembly.count);
+List<ConditionAxes> face_axes(const Assembly& assembly) {
+  List<ConditionAxes> all = own_axes(assembly);
+  List<bool> is_done(assembly.count);
   for (int first = 0; first < assembly.count; ++first) {
     if (is_done[first]) continue;
-    const std::vector<int> face = face_of(assembly, first);
+    const List<int> face = face_of(assembly, first);
     for (int i : face) is_done[i] = true;
     if (face.size() < 2) continue;
     const Plane plane = plane_of(assembly, face);

@@ -12,7 +12,7 @@ struct ConditionAxes {
 };
 
 // Of each contact, its own axes.
-std::vector<ConditionAxes> own_axes(const Assembly& assembly);
+List<ConditionAxes> own_axes(const Assembly& assembly);
 // Of each contact, the axes along the mean normal of its face. The corners of a box whose normals are slightly off then
 // share loads as if they were parallel.
-std::vector<ConditionAxes> face_axes(const Assembly& assembly);
+List<ConditionAxes> face_axes(const Assembly& assembly);

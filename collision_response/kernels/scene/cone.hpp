@@ -43,7 +43,7 @@ struct Cone {
     return {v[0].total(), v[1].total(), v[2].total()};
   }
   // y += B^T P
-  void add_effect(const std::array<R, 3>& P, std::vector<R>& y) const {
+  void add_effect(const std::array<R, 3>& P, List<R>& y) const {
     for (int side = 0; side < 2; ++side)
       if (body[side] >= 0) {
         R* of = &y[6 * body[side]];

@@ -14,7 +14,7 @@
 
 // The size of the part of y of the bodies of a contact.
 template <class R>
-static double size_near(const Cone<R>& cone, const std::vector<R>& y) {
+static double size_near(const Cone<R>& cone, const List<R>& y) {
   double square = 0;
   for (int body : cone.body)
     for (int k = 0; body >= 0 && k < 6; ++k) square += high(y[6 * body + k]) * high(y[6 * body + k]);
@@ -23,7 +23,7 @@ static double size_near(const Cone<R>& cone, const std::vector<R>& y) {
 
 // The greatest component; infinite if one is not a number.
 template <class R>
-static double greatest_component(const std::vector<R>& g) {
+static double greatest_component(const List<R>& g) {
   double most = 0;
   for (const R& v : g) {
     const double size = std::fabs(high(v));
@@ -69,14 +69,14 @@ double Cones<R>::solve_from(const Cones<S>& coarse) {
   for (size_t i = 0; i < P.size(); ++i)
     for (int k = 0; k < 3; ++k) P[i][k] = lifted<R>(coarse.P[i][k]);
   if (!(motion_error() <= without)) {
-    restore({std::vector<Axes>(P.size()), z, Vector(x.size())});
+    restore({List<Axes>(P.size()), z, Vector(x.size())});
     solve_from_zero();
   }
   return go_on();
 }
 
 template <class R>
-void Cones<R>::solve_from(double size, const std::vector<Axes>& from) {
+void Cones<R>::solve_from(double size, const List<Axes>& from) {
   if (lagrangian_step(size, from, true, FEW_TURNS)) return;
   double reached = 1, factor = GREATEST_FACTOR;
   lagrangian_step(reached, from, true, TURNS);
@@ -134,7 +134,7 @@ void Cones<R>::restore(const State& before) {
 // One augmented Lagrangian step with rho = size, from impulses Q. `from_start` begins as if all contacts held.
 // Whether Newton's method converged.
 template <class R>
-bool Cones<R>::lagrangian_step(double size, std::vector<Axes> Q, bool from_start, int budget) {
+bool Cones<R>::lagrangian_step(double size, List<Axes> Q, bool from_start, int budget) {
   // Of the gradient: of 1, and of rho times a velocity. Double-double computes it to so many more digits.
   constexpr double ROUNDING_OF_ONE = 1e-14, ROUNDING_OF_RHO = 2e-16, MORE_DIGITS = is_scalar<R> ? 1 : 0x1p-44;
   constexpr double NEAR = 1e4, CONVERGED = 1e6;  // gradients relative to this rounding

@@ -26,7 +26,7 @@ template <class R>
 class Cones {
  public:
   using Axes = std::array<R, 3>;
-  using Vector = std::vector<R>;
+  using Vector = List<R>;
   // rho times the rounding of R is what P may lose in a step, before polish().
   static constexpr double FIRST_RHO = 1e6, LEAST_RHO = 1e2, GREATEST_RHO = is_scalar<R> ? 1e10 : 1e24;
   // Up to which doubles solve Newton's equations.
@@ -52,16 +52,16 @@ class Cones {
   // hundreds, each Newton step takes up to a second.
   static constexpr double BUDGET = is_scalar<R> ? 5e9 : 1e8;
 
-  std::vector<Cone<R>> cones;
+  List<Cone<R>> cones;
   Vector kept_velocities;  // c, for each cone; or empty
   double enough = 5e-7;  // error of y: no further rounds are needed
-  std::vector<Axes> P;
+  List<Axes> P;
   // |y| by impulses without friction, of which the greatest is 1. Sigma grows with the slip relative to this: loads of
   // nearly dependent contacts may be known to few digits, their effect is known to all.
   double effect_of_loads = 1;
   // A bound on lambda where all contacts stick; empty where no body is heavy. With it, sigma is FIRM_SIGMA, and the error
   // is that from the minimum with N y = c.
-  std::vector<double> sticking;
+  List<double> sticking;
 
   explicit Cones(int body_count) : body_count(body_count) {}
 
@@ -76,9 +76,9 @@ class Cones {
   double solve_from(const Cones<S>& coarse);
   // One step from Q = 0, with rho = size. If Newton's method does not converge from the start, raise rho step by step, by
   // factors with which it does.
-  void solve_from_zero(double size = FIRST_RHO) { solve_from(size, std::vector<Axes>(P.size())); }
+  void solve_from_zero(double size = FIRST_RHO) { solve_from(size, List<Axes>(P.size())); }
   // The same from another Q.
-  void solve_from(double size, const std::vector<Axes>& from);
+  void solve_from(double size, const List<Axes>& from);
 
   // Rounds from the P at hand. Returns a bound on the error of y.
   double go_on();
@@ -101,23 +101,23 @@ class Cones {
 
   int body_count;
   double fastest_slip = 0;  // the greatest w along a normal, or across it
-  std::vector<double> sigma;  // of each cone
+  List<double> sigma;  // of each cone
   double stiffest = 0;  // the greatest sigma
   Vector x;  // eta, lambda
-  std::vector<Axes> z;  // w + B eta
+  List<Axes> z;  // w + B eta
   Vector multipliers;  // lambda_0
   double rho = 1;  // of the current step
   double greatest_rho = GREATEST_RHO;  // of refine(): less where Newton's method did not converge for it
-  std::vector<Axes> from;  // Q
+  List<Axes> from;  // Q
   Vector gradient, step, effect;  // of x
   Vector trial, best;  // x that lagrangian_step() tries
-  std::vector<Slope> slopes;  // of the projections on the cones
+  List<Slope> slopes;  // of the projections on the cones
   NewtonEquations<R> equations;
   NewtonEquations<double> rounded_equations;  // of double-double
   double work = 0;  // multiplications, but those of the equations
 
   struct State {
-    std::vector<Axes> P, z;
+    List<Axes> P, z;
     Vector x;
   };
   State state() const { return {P, z, x}; }
@@ -129,7 +129,7 @@ class Cones {
     bool are_kept;  // whether the velocities are, to all digits
   };
 
-  bool lagrangian_step(double size, std::vector<Axes> Q, bool from_start, int budget);
+  bool lagrangian_step(double size, List<Axes> Q, bool from_start, int budget);
   void polish();
   double keep_velocities();
   Bounds finish_round();

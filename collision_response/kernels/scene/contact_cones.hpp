@@ -7,7 +7,7 @@
 constexpr double GREATEST_FRICTION = 1e30, LEAST_FRICTION = 1e-30;
 
 // The mean of n.K n of unit normals.
-inline double mean_inverse_mass(const Assembly& assembly, const std::vector<int>& among) {
+inline double mean_inverse_mass(const Assembly& assembly, const List<int>& among) {
   double sum = 0;
   for (int i : among) sum += 1 / (assembly.contacts[i].unit() * assembly.contacts[i].unit());
   return sum / static_cast<double>(among.size());

@@ -31,7 +31,7 @@ struct ContactSprings {
   double exponent;
   Vector stiffness;
   // For each contact, the change of its normal velocity by unit normal impulses on others.
-  std::vector<std::vector<Coupled>> coupled;
+  List<List<Coupled>> coupled;
   double tolerance;  // greatest error of a step, relative to the motion
   double slow;  // slower approaches count as none, because rounding could keep a contact approaching for ever
   // The work of all paths, that of this path, and what remains of it: the coupling of two contacts costs 1, about a
@@ -127,7 +127,7 @@ struct ContactSprings {
 
   double in_newton_seconds(double p) const { return p * root * unit * root; }
   // The part of impulses that creates no energy: less than 1 only by the errors of the path.
-  double part_without_gain(const std::vector<Axes>& P) const {
+  double part_without_gain(const List<Axes>& P) const {
     Motion motion(assembly);
     for (int i = 0; i < count; ++i) motion.apply(i, P[i]);
     double before = 0, after = 0;  // twice the work of P is P.u before and after

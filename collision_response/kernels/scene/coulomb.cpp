@@ -67,10 +67,10 @@ constexpr double LEAST_EFFECT_OF_LOADS = 1e-3;  // where bodies jam, loads hardl
 // basis S of these, and the roots a of the diagonal of A_SS^-1,
 //
 //     lambda_S = A_SS^-1 u+     |lambda_s| <= a_s sqrt(u+.A_SS^-1 u+) <= a_s sum a_i |u_i+|
-Vector sticking_multipliers(const Assembly& assembly, const std::vector<int>& loaded, const Vector& u) {
+Vector sticking_multipliers(const Assembly& assembly, const List<int>& loaded, const Vector& u) {
   ActiveSet<DD> basis(assembly.couplings<DD>().data(), assembly.count);  // beside heavy bodies, doubles lose its digits
   basis.span(loaded, NEARLY_DEPENDENT);
-  const std::vector<DD> diagonal = basis.diagonal_of_inverse();
+  const List<DD> diagonal = basis.diagonal_of_inverse();
   Vector of_contact(assembly.count), multipliers;
   double size = 0;
   for (size_t k = 0; k < diagonal.size(); ++k) of_contact[basis.members[k]] = std::sqrt(diagonal[k].h);
@@ -93,15 +93,15 @@ struct LeastWork {
   const double tolerance;
   const SharedLoads shared = share_loads(assembly, frictionless.normal);
   const double speed = shared.greatest;
-  std::vector<int> loaded{};
+  List<int> loaded{};
   double mean = 0;  // of n.K n, for unit normals
-  std::vector<Axes> normal_only = std::vector<Axes>(assembly.count);
+  List<Axes> normal_only = List<Axes>(assembly.count);
   Motion before{assembly};  // friction
   double left_out = 0;  // bound on the effect of friction where contacts are loaded too little to take part
 
   LeastWork(const Assembly& assembly, const ClusterImpulses& frictionless, double tolerance)
       : assembly(assembly), frictionless(frictionless), tolerance(tolerance) {
-    const std::vector<AssembledContact>& contacts = assembly.contacts;
+    const List<AssembledContact>& contacts = assembly.contacts;
     for (int i = 0; i < assembly.count; ++i) {
       normal_only[i] = {frictionless.normal[i].h * contacts[i].length, 0, 0};
       before.apply(i, normal_only[i]);
@@ -113,7 +113,7 @@ struct LeastWork {
 
   // The impulses with friction, if that takes energy: else rounding is all that it does.
   ClusterImpulses resolve() const {
-    const std::vector<AssembledContact>& contacts = assembly.contacts;
+    const List<AssembledContact>& contacts = assembly.contacts;
     ClusterImpulses result = frictionless;
     result.error += left_out;
     if (std::none_of(loaded.begin(), loaded.end(), [&](int i) { return contacts[i].mu > LEAST_FRICTION; }))
@@ -176,13 +176,13 @@ struct LeastWork {
   }
 
   struct Solution {
-    std::vector<Axes> P;
+    List<Axes> P;
     Motion after;
     double error;
   };
   // The impulses of a programme, of which the error is `distance`.
   Solution solution_of(const Cones<double>& programme, double distance) const {
-    Solution found{std::vector<Axes>(assembly.count), Motion(assembly), distance * speed};
+    Solution found{List<Axes>(assembly.count), Motion(assembly), distance * speed};
     for (size_t k = 0; k < loaded.size(); ++k) {
       const int i = loaded[k];
       found.P[i] = in_newton_seconds(programme.P[k], assembly.contacts[i], speed);
@@ -271,8 +271,8 @@ struct LeastWork {
     constexpr double BUDGET = 1e8;  // multiplications: a tenth of a second
     const bool presses = presses_others(after);
     if (!presses && !(pull(programme) > LEAST_PULL)) return {};
-    const std::vector<ConditionAxes> axes = face_axes(assembly);
-    std::vector<Axes> rebounds(assembly.count);  // of plastic impacts exactly 0, which rounding would hide
+    const List<ConditionAxes> axes = face_axes(assembly);
+    List<Axes> rebounds(assembly.count);  // of plastic impacts exactly 0, which rounding would hide
     for (int i : loaded)
       if (frictionless.restitution > 0) rebounds[i] = rebound(i, axes[i]);
     const bool on_faces = std::all_of(loaded.begin(), loaded.end(), [&](int i) { return axes[i].on_face; });
@@ -324,7 +324,7 @@ struct LeastWork {
     Cones<DD> precise(assembly.body_count);
     precise.enough = enough(programme);
     if (error_in_doubles <= precise.enough) return error_in_doubles;
-    const std::vector<N> changes = assembly.twist_changes(frictionless.normal.data());
+    const List<N> changes = assembly.twist_changes(frictionless.normal.data());
     for (size_t k = 0; k < loaded.size(); ++k) {
       const AssembledContact& contact = assembly.contacts[loaded[k]];
       const Cone<double>& cone = programme.cones[k];
@@ -350,9 +350,9 @@ struct LeastWork {
 
   // Whether impulses P do more work than those without friction. Where friction only shares impulses, it neither adds
   // energy nor takes any, up to rounding.
-  bool creates_energy(const Motion& after, const std::vector<Axes>& P) const {
+  bool creates_energy(const Motion& after, const List<Axes>& P) const {
     double size = 0;  // of what the works are the sums of
-    auto work = [&](const Motion& motion, const std::vector<Axes>& impulses) {
+    auto work = [&](const Motion& motion, const List<Axes>& impulses) {
       double sum = 0;
       auto add = [&](double one) {
         sum += one;
@@ -382,9 +382,9 @@ struct LeastWork {
   // Friction may have made another contact approach, and the error of the programme any of them. Add the normal impulses
   // that stop that, unless they do little, and no more than this error. As a projection, the stop does not increase the
   // error. Returns that of the stop.
-  double stop_approach(const Motion& after, double error, std::vector<Axes>& P) const {
+  double stop_approach(const Motion& after, double error, List<Axes>& P) const {
     const int count = assembly.count;
-    std::vector<N> start;
+    List<N> start;
     double approach = 0;
     for (int i = 0; i < count; ++i) {
       const AssembledContact& contact = assembly.contacts[i];

@@ -42,11 +42,11 @@ double length_of(const Vector& y) { return std::sqrt(dot(y, y)); }
 // The conditions, in units of `speed`.
 class Conditions {
  public:
-  std::vector<Axes> P;
+  List<Axes> P;
   Vector y;
 
-  Conditions(const Assembly& assembly, const std::vector<ConditionAxes>& given, const std::vector<Axes>& rebounds,
-             double speed, double budget)
+  Conditions(const Assembly& assembly, const List<ConditionAxes>& given, const List<Axes>& rebounds, double speed,
+             double budget)
       : P(assembly.count), y(6 * static_cast<size_t>(assembly.body_count)), budget(budget), from(P), slopes(P.size()) {
     const double mean = mean_inverse_mass(assembly, assembly.all_contacts());
     ContactGraph graph{assembly.body_count, false};
@@ -71,7 +71,7 @@ class Conditions {
   }
 
   // From impulses that nearly solve the equations. Whether they lead to a solution.
-  bool solve_from(std::vector<Axes> nearly) {
+  bool solve_from(List<Axes> nearly) {
     P = std::move(nearly);
     set_motion();
     from = P;
@@ -98,7 +98,7 @@ class Conditions {
   bool solve_nearby(const Change& by) {
     budget = multiplications() + budget / 4;
     const double greatest_load = greatest();
-    std::vector<double> angle(cones.size());
+    List<double> angle(cones.size());
     if (by.told_apart) angle = angles();
     auto amount = [&](size_t i, int k) {
       return by.told_apart ? std::sin(angle[i] + k + by.phase) : uneven(cones[i], k, by.phase);
@@ -120,7 +120,7 @@ class Conditions {
 
   // Whether contacts that carry a load act nearly along one line, but for their friction.
   bool share_a_line() const {
-    const std::vector<size_t> sorted = sorted_by_line();
+    const List<size_t> sorted = sorted_by_line();
     for (size_t k = 0; k < sorted.size(); ++k)
       for (size_t l = k + 1; l < sorted.size() && have_same_bodies(cones[sorted[k]], cones[sorted[l]]); ++l) {
         const size_t i = sorted[k], j = sorted[l];
@@ -142,11 +142,11 @@ class Conditions {
   static constexpr int PATIENCE = 5;  // turns of sharpen() that gain little
 
   double budget;  // multiplications
-  std::vector<Cone<double>> cones;
+  List<Cone<double>> cones;
   double log_rho = SOFT, rho = 0;
-  std::vector<Axes> from;  // Q
+  List<Axes> from;  // Q
   Vector residual;  // of y
-  std::vector<Slope> slopes;  // of P by the velocities, times -1 / rho
+  List<Slope> slopes;  // of P by the velocities, times -1 / rho
   UnsymmetricSkyline matrix;
   double work = 0;  // multiplications, but those of the matrix
 
@@ -193,25 +193,25 @@ class Conditions {
   }
 
   // The contacts of two bodies one after the other, and of these the contacts on one line, sorted by their friction.
-  std::vector<size_t> sorted_by_line() const {
+  List<size_t> sorted_by_line() const {
     using Key = std::pair<std::pair<int, int>, std::array<double, 6>>;
-    std::vector<std::pair<Key, size_t>> keys;
+    List<std::pair<Key, size_t>> keys;
     for (size_t i = 0; i < cones.size(); ++i) {
       const Cone<double>& cone = cones[i];
       const Key key{bodies_of(cone), {place(cone, 0), cone.mu, cone.w[1], cone.w[2], place(cone, 1), place(cone, 2)}};
       keys.push_back({key, i});
     }
     std::sort(keys.begin(), keys.end());
-    std::vector<size_t> sorted;
+    List<size_t> sorted;
     for (const auto& [key, i] : keys) sorted.push_back(i);
     return sorted;
   }
 
   // Of each contact, far from those of others on its line.
-  std::vector<double> angles() const {
+  List<double> angles() const {
     constexpr double GOLDEN = 2.399963229728653;  // the golden angle
-    std::vector<double> angle(cones.size());
-    const std::vector<size_t> sorted = sorted_by_line();
+    List<double> angle(cones.size());
+    const List<size_t> sorted = sorted_by_line();
     for (size_t k = 0; k < sorted.size(); ++k) angle[sorted[k]] = GOLDEN * static_cast<double>(k);
     return angle;
   }
@@ -373,7 +373,7 @@ class Conditions {
   void sharpen(int patience) {
     constexpr int MOST = 60;
     constexpr double HARDEST = 12, FAST = 0.1, BETTER = 0.5, WORSE = 2, ROUNDING = 0x1p-49;
-    std::vector<Axes> best = P;
+    List<Axes> best = P;
     double least = off(), last = least, hardness = FIRM, hardest = HARDEST;
     auto is_exact = [&] { return least <= ROUNDING * std::fmax(1, greatest()); };
     for (int turn = 0, idle = 0; turn < MOST && idle < patience && !is_exact() && has_budget(); ++turn) {
@@ -470,14 +470,14 @@ Axes along_own_axes(const Axes& P, const ConditionAxes& given, double mu) {
 }
 
 struct Solution {
-  std::vector<Axes> P;  // along the own axes of the contacts
+  List<Axes> P;  // along the own axes of the contacts
   double error = 0;  // of the motion
   double turned = 0;  // by how much velocities along the normals of the conditions and along the own ones differ
 };
 
 // What the conditions along given axes lead to.
-Solution turned_back(const Assembly& assembly, const std::vector<ConditionAxes>& axes, const Conditions& found,
-                     double speed, bool on_faces) {
+Solution turned_back(const Assembly& assembly, const List<ConditionAxes>& axes, const Conditions& found, double speed,
+                     bool on_faces) {
   Solution solution{found.P};
   Vector off(found.y.size());  // how much the effects of impulses along both axes differ
   const double mean = mean_inverse_mass(assembly, assembly.all_contacts());
@@ -516,10 +516,10 @@ void refine(Solution& solution, const Conditions& found, Conditions along_own, b
 
 }  // namespace
 
-ClusterImpulses obey_coulomb(const Assembly& assembly, const std::vector<ConditionAxes>& axes,
-                             const std::vector<Axes>& rebounds, double budget, bool on_faces) {
+ClusterImpulses obey_coulomb(const Assembly& assembly, const List<ConditionAxes>& axes, const List<Axes>& rebounds,
+                             double budget, bool on_faces) {
   constexpr double SOLVED = 1e-6;  // greatest off(), and a hundred times this, of the greatest impulse
-  std::vector<Axes> P(assembly.count);
+  List<Axes> P(assembly.count);
   double speed = 0;
   bool approach = false;
   for (const AssembledContact& contact : assembly.contacts) {

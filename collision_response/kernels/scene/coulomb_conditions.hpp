@@ -9,5 +9,5 @@
 // error is an estimate, and infinite if other shares of the load obey these conditions with other velocities, or if
 // impulses creep. `on_faces`: whether each contact that carries a load is on one face with another. Then impulses may creep,
 // because they only shift between these.
-ClusterImpulses obey_coulomb(const Assembly& assembly, const std::vector<ConditionAxes>& axes,
-                             const std::vector<Axes>& rebounds, double budget, bool on_faces);
+ClusterImpulses obey_coulomb(const Assembly& assembly, const List<ConditionAxes>& axes, const List<Axes>& rebounds,
+                             double budget, bool on_faces);

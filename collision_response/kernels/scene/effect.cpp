@@ -20,10 +20,10 @@ struct AppliedImpulses {
   const DD* normal;  // along the normals
   bool has_friction;
   double error;  // bound on that of the velocities, in the metric of kinetic energy
-  std::vector<Axes> along_axes;  // of each contact: 0, then the friction along the two tangents
+  List<Axes> along_axes;  // of each contact: 0, then the friction along the two tangents
   Vector reported;  // the normal impulses of the answer
-  std::vector<N> twist_changes;  // by the normal impulses
-  std::vector<N> normal_velocities;  // times the lengths of the normals; empty with friction
+  List<N> twist_changes;  // by the normal impulses
+  List<N> normal_velocities;  // times the lengths of the normals; empty with friction
   Motion motion, by_friction;
 
   AppliedImpulses(const Assembly& assembly, const ClusterImpulses& impulses)
@@ -54,16 +54,16 @@ struct AppliedImpulses {
 
   // Report the least impulses with the same effect. Where contacts nearly face each other, loads on both of them seem to
   // do nothing, but may be so great that they do all the work.
-  void take_least_norm(const std::vector<int>& among) {
+  void take_least_norm(const List<int>& among) {
     Vector least = reported;
     least_norm(assembly, least, among);
     if (least == reported) return;
-    std::vector<DD> dropped;
+    List<DD> dropped;
     for (int i = 0; i < assembly.count; ++i) dropped.push_back(normal[i] - DD{least[i], 0});
     if (greatest_twist(assembly.twist_changes(dropped.data())) <= SAME_EFFECT * greatest_twist(twist_changes))
       reported = least;
   }
-  double greatest_twist(const std::vector<N>& changes) const {
+  double greatest_twist(const List<N>& changes) const {
     double greatest = 0, twist[6];
     for (int b = 0; b < assembly.body_count; ++b) {
       std::transform(&changes[6 * b], &changes[6 * b] + 6, twist, [](const N& x) { return high(x); });

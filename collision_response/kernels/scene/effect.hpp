@@ -20,7 +20,7 @@ struct ImpulseEffect {
   Vector changes, twists;  // six numbers for each movable body
   Vector impulses;  // three numbers for each contact
   Vector normal_velocities;  // after the impact
-  std::vector<Regime> regimes;
+  List<Regime> regimes;
   double energies[4] = {};
   double error_bound = 0;
   // Whether the contacts gain more energy than rounding explains, by the work on relative velocities, which is the same

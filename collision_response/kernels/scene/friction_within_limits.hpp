@@ -55,7 +55,7 @@ class FrictionWithinLimits {
 
   // Change the friction in P, and the motion by all of P, until a sweep over `contacts` changes their slips by no more
   // than `small`. Returns whether that was within the budget `work`, which this reduces.
-  bool find(const std::vector<int>& contacts, Motion& motion, std::vector<Axes>& P, double small, long& work) {
+  bool find(const List<int>& contacts, Motion& motion, List<Axes>& P, double small, long& work) {
     double change = INFINITY;
     for (size_t sweeps = 1; change > small && work > 0; ++sweeps) {
       change = sweep(contacts, motion, P);
@@ -88,15 +88,15 @@ class FrictionWithinLimits {
   };
 
   const Assembly& assembly;
-  std::vector<SlipMatrix> slips;
-  std::vector<Freedom> freedoms;
+  List<SlipMatrix> slips;
+  List<Freedom> freedoms;
   Skyline<double> second_derivative;
   Vector slope, step;
 
   double limit(int i, const Axes& P) const { return assembly.contacts[i].mu * P[0]; }
 
   // Returns the greatest change of a slip by the friction of its own contact.
-  double sweep(const std::vector<int>& contacts, Motion& motion, std::vector<Axes>& P) const {
+  double sweep(const List<int>& contacts, Motion& motion, List<Axes>& P) const {
     double change = 0;
     for (int i : contacts) {
       const Axes by = slips[i].change(P[i], limit(i, P[i]), motion.velocity(i, 1), motion.velocity(i, 2));
@@ -110,11 +110,10 @@ class FrictionWithinLimits {
   }
 
   // Go on with Newton's method until it converges, or does no less work.
-  void approach_minimum(const std::vector<int>& contacts, Motion& motion, std::vector<Axes>& P, double small,
-                        long& work) {
+  void approach_minimum(const List<int>& contacts, Motion& motion, List<Axes>& P, double small, long& work) {
     if (second_derivative.entries.empty()) lay_out();
     Vector best_y = motion.y;
-    std::vector<Axes> best_P = P;
+    List<Axes> best_P = P;
     double done = 0, least = 0;
     for (int worse = 0; worse < MOST_WORSE && work > 0;) {
       const double before = second_derivative.multiplications();
@@ -136,13 +135,13 @@ class FrictionWithinLimits {
   }
 
   void lay_out() {
-    std::vector<std::vector<int>> of_bodies(assembly.body_count);
+    List<List<int>> of_bodies(assembly.body_count);
     for (int i = 0; i < assembly.count; ++i)
       for (int body : assembly.contacts[i].body)
         if (body >= 0) of_bodies[body].insert(of_bodies[body].end(), {2 * i, 2 * i + 1});
     slope.resize(2 * static_cast<size_t>(assembly.count));
     step.resize(slope.size());
-    std::vector<int> place(slope.size());
+    List<int> place(slope.size());
     std::iota(place.begin(), place.end(), 0);
     second_derivative.lay_out(place, of_bodies);
   }
@@ -169,7 +168,7 @@ class FrictionWithinLimits {
   }
 
   // Set the derivatives of the work by the directions that contacts have.
-  void set_derivatives(const std::vector<int>& contacts, const Motion& motion, const std::vector<Axes>& P) {
+  void set_derivatives(const List<int>& contacts, const Motion& motion, const List<Axes>& P) {
     Skyline<double>& M = second_derivative;
     std::fill(M.entries.begin(), M.entries.end(), 0);
     std::fill(slope.begin(), slope.end(), 0);
@@ -199,7 +198,7 @@ class FrictionWithinLimits {
   }
 
   // The part of the step after which the first contact that sticks reaches its limit, or all of it.
-  double part_within_limits(const std::vector<int>& contacts, const std::vector<Axes>& P) const {
+  double part_within_limits(const List<int>& contacts, const List<Axes>& P) const {
     double part = 1;
     for (int i : contacts) {
       if (freedoms[i].count < 2) continue;
@@ -212,7 +211,7 @@ class FrictionWithinLimits {
     return part;
   }
 
-  Turn newton_turn(const std::vector<int>& contacts, Motion& motion, std::vector<Axes>& P) {
+  Turn newton_turn(const List<int>& contacts, Motion& motion, List<Axes>& P) {
     set_derivatives(contacts, motion, P);
     second_derivative.solve(slope, step);
     const double part = part_within_limits(contacts, P);

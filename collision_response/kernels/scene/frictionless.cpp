@@ -20,12 +20,12 @@ struct Reflections {
   bool is_fine = false;  // with bounds from the contacts that press in each projection, in double-double: slow
   std::optional<ProjectionBound<double>> projection_bound{};  // from the first projection on
   // Light bodies between heavy ones project the same contacts again and again.
-  std::map<std::vector<int>, std::vector<int>> last_active{};  // of each set of contacts, in its last projection
-  std::map<std::vector<int>, ProjectionBound<DD>> fine_bounds{};  // by the contacts of the basis
+  std::map<List<int>, List<int>> last_active{};  // of each set of contacts, in its last projection
+  std::map<List<int>, ProjectionBound<DD>> fine_bounds{};  // by the contacts of the basis
 
   ClusterImpulses resolve(double threshold) {
     ClusterImpulses result;
-    std::vector<DD>& p = result.normal;
+    List<DD>& p = result.normal;
     p.resize(assembly.count);
     double speed = 0, doubt = 0;  // the speed of the fastest approach, and a bound on its error
     for (const AssembledContact& contact : assembly.contacts) {
@@ -35,7 +35,7 @@ struct Reflections {
     }
     if (!(speed > 0)) return result;
     if (!is_fine) projection_bound.emplace(assembly, assembly.all_contacts());
-    std::vector<N> u = assembly.velocities(p.data());
+    List<N> u = assembly.velocities(p.data());
     const Projection first = project_from(u, assembly.all_contacts());
     if (first.status != MinimumStatus::FOUND) return {false};
     double e_error;
@@ -83,9 +83,9 @@ struct Reflections {
   }
 
  private:
-  Projection project_from(const std::vector<N>& u, const std::vector<int>& among) {
+  Projection project_from(const List<N>& u, const List<int>& among) {
     if (last_active.size() == KEPT_SETS) last_active.clear();
-    std::vector<int>& active = last_active[among];
+    List<int>& active = last_active[among];
     Projection found = project(assembly, u, among, active);
     active = found.active;
     if (found.status != MinimumStatus::FOUND || !(found.error < INFINITY)) return found;
@@ -93,21 +93,21 @@ struct Reflections {
         std::fmin(found.error, is_fine ? fine_bound(among, found) : (*projection_bound)(among, found.q, found.r));
     return found;
   }
-  double fine_bound(const std::vector<int>& among, const Projection& found) {
-    std::vector<int> pressed;
+  double fine_bound(const List<int>& among, const Projection& found) {
+    List<int> pressed;
     for (int i : among)
       if (found.q[i].h > 0) pressed.push_back(i);
     const double bound = bound_by(pressed)(among, found.q, found.r);
     // Contacts without load may hardly separate: then, all must be able to make up for residuals.
     return bound < INFINITY ? bound : bound_by(among)(among, found.q, found.r);
   }
-  const ProjectionBound<DD>& bound_by(const std::vector<int>& those) {
+  const ProjectionBound<DD>& bound_by(const List<int>& those) {
     if (fine_bounds.size() == KEPT_SETS) fine_bounds.clear();
     return fine_bounds.try_emplace(those, assembly, those).first->second;
   }
 
   // The restitution of the contacts that approach, 0 if there are none; nothing if they have several.
-  std::optional<double> equal_restitution(const std::vector<int>& among) const {
+  std::optional<double> equal_restitution(const List<int>& among) const {
     double least = 1, most = 0;
     for (int i : among) {
       const AssembledContact& contact = assembly.contacts[i];
@@ -120,9 +120,9 @@ struct Reflections {
   }
 
   // The contacts that may have an impulse in the first projection: the others separate.
-  std::vector<int> pressed_by(const Projection& first) const {
-    const std::vector<N> after = assembly.velocities(first.q.data());
-    std::vector<int> pressed;
+  List<int> pressed_by(const Projection& first) const {
+    const List<N> after = assembly.velocities(first.q.data());
+    List<int> pressed;
     for (int i = 0; i < assembly.count; ++i)
       if (!(high(after[i]) > width(after[i]) + first.error / assembly.contacts[i].scale)) pressed.push_back(i);
     return pressed;
@@ -134,9 +134,9 @@ struct Reflections {
     constexpr double GREATEST_DOUBT = 0x1p-30;
     error = 0;
     if (const auto e = equal_restitution(assembly.all_contacts())) return {*e, 0};
-    const std::vector<int> pressed = pressed_by(first);
+    const List<int> pressed = pressed_by(first);
     if (const auto e = equal_restitution(pressed)) return {*e, 0};
-    std::vector<DD> shared = first.q;
+    List<DD> shared = first.q;
     const NullImpulses null = null_impulses(assembly);
     const bool is_unique = null.basis.empty();
     const bool is_known = is_unique || minimise_norm(assembly, shared, null.basis);
@@ -168,9 +168,9 @@ struct Reflections {
     //     sum (e_i - e) u_i (q*_i - q_i) = z.A (q* - q) <= sqrt(z.A z) |M^-1 N (q* - q)|    for A z = (e_i - e) u_i
     ActiveSet<DD> basis(assembly.couplings<DD>().data(), assembly.count);
     const bool depends = !basis.span(pressed, NEXT_TO_NOTHING).empty();
-    std::vector<DD> z;
+    List<DD> z;
     for (int i : basis.members) z.push_back({lost(i) * assembly.contacts[i].scale, 0});
-    const std::vector<DD> c(z);
+    const List<DD> c(z);
     basis.solve(z.data());
     double square = 0;
     for (size_t k = 0; k < c.size(); ++k) square += high(c[k] * z[k]);
@@ -178,7 +178,7 @@ struct Reflections {
     // If null impulses do little, but not nothing, these contacts may not be free to share their load evenly. If others
     // depend on each other too nearly, there may be another load to share.
     if (!(null.are_exact && basis.last_pivot() >= NEARLY_DEPENDENT))
-      for (const std::vector<DD>& one : null.basis) {
+      for (const List<DD>& one : null.basis) {
         double work = 0, size = 0;
         for (int i : pressed) {
           work += lost(i) * one[i].h;
@@ -193,11 +193,11 @@ struct Reflections {
   }
 
   struct Violations {
-    std::vector<int> violated;  // the contacts that approach at the limit or faster
+    List<int> violated;  // the contacts that approach at the limit or faster
     double margin = INFINITY;  // the least distance of a contact from the limit
     bool is_certain = true;  // whether the errors leave `violated` without doubt
   };
-  Violations find_violations(const std::vector<N>& u, double error, double limit, double doubt) const {
+  Violations find_violations(const List<N>& u, double error, double limit, double doubt) const {
     Violations seen;
     for (int i = 0; i < assembly.count; ++i) {
       const AssembledContact& contact = assembly.contacts[i];
@@ -212,7 +212,7 @@ struct Reflections {
   }
 
   // p += a q, for a power of two a. Returns a bound on the error that rounding causes in the velocities.
-  double add(std::vector<DD>& p, double a, const std::vector<DD>& q) const {
+  double add(List<DD>& p, double a, const List<DD>& q) const {
     double lost = 0;
     for (int i = 0; i < assembly.count; ++i) {
       DD by{a * q[i].h, a * q[i].l};

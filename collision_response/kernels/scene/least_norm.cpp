@@ -9,12 +9,12 @@ template <class R>
 struct Effects {
   Vector u, scale;
   double fastest = 0;
-  std::vector<R> matrix;
+  List<R> matrix;
 
   explicit Effects(const Assembly& assembly)
       : u(assembly.count), scale(assembly.count), matrix(assembly.couplings<R>()) {
     const int count = assembly.count;
-    const std::vector<AssembledContact>& contacts = assembly.contacts;
+    const List<AssembledContact>& contacts = assembly.contacts;
     for (const AssembledContact& contact : contacts)
       fastest = std::fmax(fastest, std::fabs(high(contact.velocity)) * contact.scale);
     for (int i = 0; i < count; ++i) {
@@ -35,20 +35,20 @@ constexpr double NO_EFFECT = 0x1p-93, LEAST_EFFECT = 0x1p-98;
 // Find null impulses of the contacts `among` by pivots up to `dependent`, in the digits of R, and refine them until their
 // effects are `enough`. Left out are those whose effect, squared, is `most` or greater.
 template <class R>
-NullImpulses null_impulses_in(const Assembly& assembly, const std::vector<int>& among, double enough, double dependent,
+NullImpulses null_impulses_in(const Assembly& assembly, const List<int>& among, double enough, double dependent,
                               double most) {
   constexpr int REFINEMENTS = 3;
   constexpr double WEIGHT_OF_WORK = 1e-6;  // the velocities of walls are known to fewer digits
   const int count = assembly.count;
-  const std::vector<AssembledContact>& contacts = assembly.contacts;
+  const List<AssembledContact>& contacts = assembly.contacts;
   const Effects<R> effects(assembly);
   const Vector &u = effects.u, &scale = effects.scale;
   const double fastest = effects.fastest;
   ActiveSet<R> basis(effects.matrix.data(), count);
   NullImpulses found;
-  std::vector<R> w;
+  List<R> w;
   for (int i : basis.span(among, dependent)) {
-    std::vector<DD> z(count);
+    List<DD> z(count);
     basis.line(i, w);
     z[i].h = scale[i];
     for (size_t m = 0; m < w.size(); ++m)
@@ -57,7 +57,7 @@ NullImpulses null_impulses_in(const Assembly& assembly, const std::vector<int>& 
     double square = 0;
     bool is_exact = false;
     for (int turn = 0;; ++turn) {
-      std::vector<N> twists = assembly.twist_changes(z.data());
+      List<N> twists = assembly.twist_changes(z.data());
       N total = exact(0.0);
       for (int n = 0; assembly.walls_move_apart && n < count; ++n) total = total + contacts[n].velocity * exact(z[n]);
       const double work = fastest > 0 ? high(total) / fastest : 0;
@@ -94,7 +94,7 @@ NullImpulses null_impulses_in(const Assembly& assembly, const std::vector<int>& 
 }
 
 // In doubles, contacts of very light bodies seem to depend on each other, and hide those that do.
-NullImpulses null_impulses_with(const Assembly& assembly, const std::vector<int>& among, double enough) {
+NullImpulses null_impulses_with(const Assembly& assembly, const List<int>& among, double enough) {
   NullImpulses found = null_impulses_in<double>(assembly, among, enough, DEPENDENT<double>, NEXT_TO_NOTHING);
   return found.are_complete ? found : null_impulses_in<DD>(assembly, among, enough, NEXT_TO_NOTHING, NEXT_TO_NOTHING);
 }
@@ -111,7 +111,7 @@ template <class R>
 class NullSpace {
  public:
   // `weight`: of each contact.
-  NullSpace(const std::vector<std::vector<DD>>& basis, const Vector& weight) : used(basis.size()) {
+  NullSpace(const List<List<DD>>& basis, const Vector& weight) : used(basis.size()) {
     const int count = static_cast<int>(weight.size());
     for (size_t k = 0; k < basis.size(); ++k) {
       Z.emplace_back(count);
@@ -136,7 +136,7 @@ class NullSpace {
     for (const auto& z : Z)
       for (size_t i = 0; i < count; ++i) square[i] += high(z[i]) * high(z[i]);
     for (size_t k = 0; k < Z.size(); ++k) {
-      std::vector<int> kept;
+      List<int> kept;
       for (int i : used[k])
         if (square[i] < part * part) Z[k][i] = R{};
         else kept.push_back(i);
@@ -146,36 +146,36 @@ class NullSpace {
 
   size_t size() const { return Z.size(); }
   const R& at(size_t k, int i) const { return Z[k][i]; }
-  const std::vector<int>& contacts(size_t k) const { return used[k]; }
+  const List<int>& contacts(size_t k) const { return used[k]; }
 
   // Z_k.x
-  R along(const std::vector<R>& x, size_t k) const {
+  R along(const List<R>& x, size_t k) const {
     R sum{};
     for (int i : used[k]) sum += Z[k][i] * x[i];
     return sum;
   }
   // x += by Z_k
-  void add(std::vector<R>& x, const R& by, size_t k) const {
+  void add(List<R>& x, const R& by, size_t k) const {
     for (int i : used[k]) x[i] += by * Z[k][i];
   }
 
  private:
-  std::vector<std::vector<R>> Z;
-  std::vector<std::vector<int>> used;  // the contacts for which each of them is not 0
+  List<List<R>> Z;
+  List<List<int>> used;  // the contacts for which each of them is not 0
 };
 
 // The multipliers x >= 0 of P + Z Z^T x >= 0.
 template <class R>
 struct Multipliers {
   bool are_found = false;
-  std::vector<R> x, scale;  // scale: 0 for contacts that Z does not change
+  List<R> x, scale;  // scale: 0 for contacts that Z does not change
   double sum = 0;  // of their sizes, scaled
   double room = 0;  // how far below 0 impulses were let, relative to the greatest
 };
 
 // By the dual, which is again a quadratic programme, scaled to a unit diagonal. `greatest`: of P.
 template <class R>
-Multipliers<R> find_multipliers(const NullSpace<R>& Z, const std::vector<R>& P, double greatest) {
+Multipliers<R> find_multipliers(const NullSpace<R>& Z, const List<R>& P, double greatest) {
   constexpr double SMALL = is_scalar<R> ? 1e-10 : 1e-14;  // components of Z that may be rounding
   // Where impulses are just 0, rounding may leave no solution without some room below 0. The less the better: where
   // normals are nearly parallel, others change by many times as much.
@@ -184,12 +184,12 @@ Multipliers<R> find_multipliers(const NullSpace<R>& Z, const std::vector<R>& P, 
   Multipliers<R> found;
   found.x.resize(count);
   found.scale.resize(count);
-  std::vector<R>& s = found.scale;
-  std::vector<R> b(count), dual(static_cast<size_t>(count) * count);
+  List<R>& s = found.scale;
+  List<R> b(count), dual(static_cast<size_t>(count) * count);
   for (size_t k = 0; k < Z.size(); ++k)
     for (int i : Z.contacts(k))
       for (int j : Z.contacts(k)) dual[i * count + j] += Z.at(k, i) * Z.at(k, j);
-  std::vector<int> among;
+  List<int> among;
   for (int i = 0; i < count; ++i) {
     const R square = dual[i * count + i];
     if (!(high(square) > SMALL * SMALL)) continue;
@@ -216,10 +216,10 @@ Multipliers<R> find_multipliers(const NullSpace<R>& Z, const std::vector<R>& P, 
 // p is known if multipliers are not too great, and no component of Z that may be rounding changes an impulse by more than
 // it is.
 template <class R>
-bool minimise_norm_in(const Assembly& assembly, std::vector<R>& p, bool over_copies,
-                      const std::vector<std::vector<DD>>& basis, double left_out = 0, const Vector& target = {}) {
+bool minimise_norm_in(const Assembly& assembly, List<R>& p, bool over_copies, const List<List<DD>>& basis,
+                      double left_out = 0, const Vector& target = {}) {
   const int count = assembly.count;
-  std::vector<R> P(count), goal(count);
+  List<R> P(count), goal(count);
   Vector weight(count), terms(count);  // terms: the sum of the sizes of what P is the sum of
   for (int i = 0; i < count; ++i) {
     weight[i] = assembly.contacts[i].length / (over_copies ? std::sqrt(assembly.contacts[i].copies) : 1);
@@ -229,7 +229,7 @@ bool minimise_norm_in(const Assembly& assembly, std::vector<R>& p, bool over_cop
   }
   NullSpace<R> Z(basis, weight);
   Z.leave_out(left_out);
-  const std::vector<R> given = P;
+  const List<R> given = P;
   auto add_to_P = [&](const R& by, size_t k) {
     Z.add(P, by, k);
     for (int i : Z.contacts(k)) terms[i] += std::fabs(high(by * Z.at(k, i)));
@@ -239,7 +239,7 @@ bool minimise_norm_in(const Assembly& assembly, std::vector<R>& p, bool over_cop
   for (const R& one : P) greatest = std::fmax(greatest, std::fabs(high(one)));
   const Multipliers<R> multipliers = find_multipliers(Z, P, greatest);
   if (!multipliers.are_found) return false;
-  const std::vector<R>& x = multipliers.x;
+  const List<R>& x = multipliers.x;
   for (size_t k = 0; k < Z.size(); ++k) add_to_P(Z.along(x, k), k);
   bool is_known = multipliers.sum <= GREATEST_MULTIPLIERS * greatest;
   for (int i = 0; i < count; ++i) {
@@ -259,12 +259,12 @@ NullImpulses null_impulses(const Assembly& assembly) {
   return null_impulses_with(assembly, assembly.all_contacts(), LEAST_EFFECT);
 }
 
-bool minimise_norm(const Assembly& assembly, std::vector<DD>& p, const std::vector<std::vector<DD>>& Z, double left_out,
+bool minimise_norm(const Assembly& assembly, List<DD>& p, const List<List<DD>>& Z, double left_out,
                    const Vector& target) {
   return minimise_norm_in(assembly, p, false, Z, left_out, target);
 }
 
-void least_norm(const Assembly& assembly, Vector& p, const std::vector<int>& among) {
+void least_norm(const Assembly& assembly, Vector& p, const List<int>& among) {
   if (std::all_of(p.begin(), p.end(), [](double x) { return x == 0; })) return;
   const NullImpulses found = null_impulses_with(assembly, among, NO_EFFECT);
   if (!found.basis.empty()) minimise_norm_in(assembly, p, true, found.basis);

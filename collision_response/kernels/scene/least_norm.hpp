@@ -5,7 +5,7 @@
 
 // Impulses that do next to nothing: a basis, with one for each contact that depends on others.
 struct NullImpulses {
-  std::vector<std::vector<DD>> basis;
+  List<List<DD>> basis;
   bool are_exact = true;  // whether they do nothing in double-double either
   bool are_complete = true;  // whether no contact was left out because the effect of its impulses is too great
 };
@@ -17,9 +17,9 @@ NullImpulses null_impulses(const Assembly& assembly);
 
 // Replace p by the p + Z z >= 0 that is nearest to `target`, or of least norm, for null impulses Z. Returns whether p is
 // known. Contacts that Z changes by up to `left_out` of its norm are left out, whatever basis Z is.
-bool minimise_norm(const Assembly& assembly, std::vector<DD>& p, const std::vector<std::vector<DD>>& Z,
-                   double left_out = 0, const Vector& target = {});
+bool minimise_norm(const Assembly& assembly, List<DD>& p, const List<List<DD>>& Z, double left_out = 0,
+                   const Vector& target = {});
 
 // Replace p by the impulses >= 0 of the same effect with the least sum of n.n p^2, over all copies of contacts. Only the
 // contacts `among` change.
-void least_norm(const Assembly& assembly, Vector& p, const std::vector<int>& among);
+void least_norm(const Assembly& assembly, Vector& p, const List<int>& among);

@@ -18,10 +18,10 @@
 namespace {
 
 // The contacts that do not leave faster than they rebound: only these may have an impulse.
-std::vector<int> contacts_that_rebound(const Assembly& assembly, const Projection& found) {
+List<int> contacts_that_rebound(const Assembly& assembly, const Projection& found) {
   constexpr double ROUNDING = 0x1p-40;
-  const std::vector<N> after = assembly.velocities(found.q.data());
-  std::vector<int> result;
+  const List<N> after = assembly.velocities(found.q.data());
+  List<int> result;
   for (int i = 0; i < assembly.count; ++i) {
     const AssembledContact& contact = assembly.contacts[i];
     const double before = high(contact.velocity), rebound = -contact.e * std::fmin(before, 0);
@@ -36,14 +36,14 @@ std::vector<int> contacts_that_rebound(const Assembly& assembly, const Projectio
 ClusterImpulses moreau(const Assembly& assembly, bool has_friction) {
   constexpr double BUDGET = 2e9;  // multiplications: a second or two
   if (has_friction) {
-    std::vector<Axes> rebounds;
+    List<Axes> rebounds;
     for (const AssembledContact& contact : assembly.contacts)
       rebounds.push_back({-contact.e * std::fmin(contact.axes[0].velocity, 0), 0, 0});
     return obey_coulomb(assembly, own_axes(assembly), rebounds, BUDGET, false);
   }
   auto separates = [](const AssembledContact& contact) { return high(contact.velocity) >= 0; };
   if (std::all_of(assembly.contacts.begin(), assembly.contacts.end(), separates))
-    return {true, std::vector<DD>(assembly.count)};
+    return {true, List<DD>(assembly.count)};
   if (assembly.is_locked) return {false};
   const Projection found = project_to_rebound(assembly);
   if (found.status != MinimumStatus::FOUND) return {false};

@@ -15,8 +15,8 @@ class NewtonEquations {
  public:
   // Lay out the matrix, and find the part of it that does not depend on impulses.
   template <class R>
-  void lay_out(const std::vector<Cone<R>>& cones, const ContactGraph& graph) {
-    const std::vector<std::vector<int>> groups = graph.groups();
+  void lay_out(const List<Cone<R>>& cones, const ContactGraph& graph) {
+    const List<List<int>> groups = graph.groups();
     first_multiplier = 6 * graph.body_count;
     matrix.lay_out(graph.order(), groups);
     for (int i = 0; i < first_multiplier; ++i) matrix.at(i, i) = constant<T>(1);
@@ -74,14 +74,14 @@ class NewtonEquations {
   }
   // step = -M^-1 gradient. The matrix becomes its factor.
   template <class R>
-  void solve(const std::vector<R>& gradient, std::vector<R>& step) {
+  void solve(const List<R>& gradient, List<R>& step) {
     matrix.solve(gradient, step);
   }
   double multiplications() const { return matrix.multiplications(); }
 
  private:
   Skyline<T> matrix;
-  std::vector<T> fixed;  // the entries that do not depend on impulses
+  List<T> fixed;  // the entries that do not depend on impulses
   int first_multiplier = 0;
 
   template <class R>

@@ -39,21 +39,21 @@ struct PathWithFriction : ContactSprings {
     return return_to_cones();
   }
 
-  std::vector<Axes> impulses() const { return now.P; }
+  List<Axes> impulses() const { return now.P; }
 
  private:
   struct State {
     Vector x, u;  // u: normal velocities
     Motion motion;
-    std::vector<Axes> P, friction;  // friction: forces in the last stage, where the next stage starts its search
+    List<Axes> P, friction;  // friction: forces in the last stage, where the next stage starts its search
   };
 
   const double enough = 0.1 * tolerance * speed;  // change of the slip in a sweep: no further sweeps are needed
-  State now{Vector(count), Vector(count), Motion(assembly), std::vector<Axes>(count), std::vector<Axes>(count)};
+  State now{Vector(count), Vector(count), Motion(assembly), List<Axes>(count), List<Axes>(count)};
   State whole{now}, half{now}, both{now};  // after one step, and after two of half its length
   Vector load = Vector(count);  // the normal forces
   FrictionWithinLimits solver{assembly};
-  std::vector<int> frictional;  // the contacts that sweeps go over
+  List<int> frictional;  // the contacts that sweeps go over
 
   double rate_in(const State& state, int i) const { return rate(i, state.x[i], state.u[i]); }
   bool all_are_over() const {
@@ -137,7 +137,7 @@ struct PathWithFriction : ContactSprings {
   };
   Reversal first_reversal() {
     Reversal first{0, 1};
-    std::vector<int> stopped;
+    List<int> stopped;
     bool starts = false;
     for (int i : frictional)
       if (!(slip(now, i) > 2 * enough)) starts = starts || slip(both, i) > 4 * enough;

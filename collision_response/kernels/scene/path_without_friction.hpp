@@ -39,8 +39,8 @@ struct PathWithoutFriction : ContactSprings {
     return active.empty();
   }
 
-  std::vector<Axes> impulses() const {
-    std::vector<Axes> P(count);
+  List<Axes> impulses() const {
+    List<Axes> P(count);
     for (int i = 0; i < count; ++i) P[i][0] = y[count + i];
     return P;
   }
@@ -58,7 +58,7 @@ struct PathWithoutFriction : ContactSprings {
 
   Vector y = Vector(2 * static_cast<size_t>(count));  // all x_i, then all p_i
   Vector z = y, k[7]{y, y, y, y, y, y, y};  // a stage, and the derivatives at the stages
-  std::vector<int> active;
+  List<int> active;
 
   double combination(const double* by, int terms, int component) const {
     double sum = 0;
@@ -81,8 +81,8 @@ struct PathWithoutFriction : ContactSprings {
   // Of the active contacts, keep those that are not over, and add those that these may compress within a step: up to
   // two contacts away.
   void begin_step() {
-    std::vector<int> found;
-    std::vector<char> listed(count, 0);
+    List<int> found;
+    List<char> listed(count, 0);
     auto list = [&](int i) {
       if (!listed[i]) found.push_back(i);
       listed[i] = 1;

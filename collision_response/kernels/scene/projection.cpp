@@ -3,7 +3,7 @@
 
 namespace {
 
-double greatest_scaled(const Assembly& assembly, const std::vector<N>& u, const std::vector<int>& among) {
+double greatest_scaled(const Assembly& assembly, const List<N>& u, const List<int>& among) {
   double most = 0;
   for (int i : among) most = std::fmax(most, std::fabs(high(u[i]) * assembly.contacts[i].scale));
   return most;
@@ -14,8 +14,8 @@ double greatest_scaled(const Assembly& assembly, const std::vector<N>& u, const 
 //
 //     |w - w*|^2 = (q - q*).(r - r*) <= q.r + q*.max(-r, 0)        q*.r* = 0, q.r* >= 0
 //     q*.rho <= |d| |w* - v|          for any velocity d that separates the contacts, N^T d = rho > 0
-double projection_error(const Assembly& assembly, const std::vector<int>& among, const std::vector<DD>& q,
-                        const std::vector<N>& start, const std::vector<N>& r) {
+double projection_error(const Assembly& assembly, const List<int>& among, const List<DD>& q, const List<N>& start,
+                        const List<N>& r) {
   if (assembly.is_locked) return INFINITY;
   // In a unit near the size of the velocities: energies may be out of the range of doubles.
   const double unit = power_near(greatest_scaled(assembly, start, among));
@@ -33,17 +33,17 @@ double projection_error(const Assembly& assembly, const std::vector<int>& among,
 
 // The projection from velocities `start`, with active sets in the digits of R and impulses in double-double.
 template <class R>
-Projection project_with(const Assembly& assembly, const std::vector<N>& start, const std::vector<int>& among,
-                        const std::vector<int>& guess) {
+Projection project_with(const Assembly& assembly, const List<N>& start, const List<int>& among,
+                        const List<int>& guess) {
   constexpr int MOST_RETURNS = 1, REFINEMENTS = 8;
   constexpr double SETTLED = 2, APPROACH = 8;  // velocities relative to bounds on their rounding
   const int count = assembly.count, most_rounds = 4 * count + 20;  // mostly, few contacts change
-  const std::vector<AssembledContact>& contacts = assembly.contacts;
+  const List<AssembledContact>& contacts = assembly.contacts;
   auto scale = [&](int j) { return constant<R>(contacts[j].scale); };
-  Projection result{MinimumStatus::FOUND, std::vector<DD>(count), std::vector<N>(count), INFINITY};
-  std::vector<DD>& q = result.q;
-  std::vector<N>& r = result.r;
-  std::vector<R> b(count);
+  Projection result{MinimumStatus::FOUND, List<DD>(count), List<N>(count), INFINITY};
+  List<DD>& q = result.q;
+  List<N>& r = result.r;
+  List<R> b(count);
   for (int i : among) b[i] = rounded_to<R>(start[i]) * scale(i);
   Minimum<R> first = minimise(assembly.couplings<R>(), b, among, guess);
   result.status = first.status;
@@ -55,11 +55,11 @@ Projection project_with(const Assembly& assembly, const std::vector<N>& start, c
   bool is_settled = false;
   auto update_r = [&] {
     is_current = true;
-    std::vector<N> twists = assembly.twist_changes(q.data());
+    List<N> twists = assembly.twist_changes(q.data());
     for (int i : among) r[i] = start[i] + assembly.velocity_change(contacts[i], twists);
   };
-  std::vector<R> y;
-  std::vector<char> has_left(count);
+  List<R> y;
+  List<char> has_left(count);
   int returns = 0;  // of contacts that have left
   for (int round = 0; round < most_rounds; ++round) {
     double residual = 0, first_residual = INFINITY;
@@ -131,8 +131,7 @@ Projection project_with(const Assembly& assembly, const std::vector<N>& start, c
 
 }  // namespace
 
-Projection project(const Assembly& assembly, const std::vector<N>& start, const std::vector<int>& among,
-                   const std::vector<int>& guess) {
+Projection project(const Assembly& assembly, const List<N>& start, const List<int>& among, const List<int>& guess) {
   const Projection found = project_with<double>(assembly, start, among, guess);
   if (found.status == MinimumStatus::FOUND && (found.is_settled || assembly.is_locked)) return found;
   const Projection finer = project_with<DD>(assembly, start, among, found.active);
@@ -140,7 +139,7 @@ Projection project(const Assembly& assembly, const std::vector<N>& start, const 
 }
 
 Projection project_to_rebound(const Assembly& assembly) {
-  std::vector<N> start;
+  List<N> start;
   for (const AssembledContact& contact : assembly.contacts) {
     const N& u = contact.velocity;
     start.push_back(high(u) < 0 ? u + u * exact(contact.e) : u);
@@ -149,7 +148,7 @@ Projection project_to_rebound(const Assembly& assembly) {
   return project(assembly, start, assembly.all_contacts());
 }
 
-std::vector<int> contradictory_contacts(const Assembly& assembly) {
+List<int> contradictory_contacts(const Assembly& assembly) {
   Vector b;
   for (const AssembledContact& contact : assembly.contacts) b.push_back(high(contact.velocity) * contact.scale);
   Minimum<double> end = minimise(assembly.couplings<double>(), b, assembly.all_contacts());

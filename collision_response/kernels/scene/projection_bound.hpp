@@ -24,11 +24,11 @@ template <class R>
 class ProjectionBound {
  public:
   // With a basis of the contacts `those`.
-  ProjectionBound(const Assembly& assembly, const std::vector<int>& those)
+  ProjectionBound(const Assembly& assembly, const List<int>& those)
       : assembly(assembly), size(assembly.count), beside(assembly.count) {
     ActiveSet<R> basis(assembly.couplings<R>().data(), assembly.count);
-    const std::vector<int> others = basis.span(those);
-    const std::vector<R> diagonal = basis.diagonal_of_inverse();
+    const List<int> others = basis.span(those);
+    const List<R> diagonal = basis.diagonal_of_inverse();
     // A is rounded, the more the thinner a body is, and so is the factor.
     double roundings = static_cast<double>(assembly.count) * assembly.count;
     for (const AssembledBody& body : assembly.bodies) roundings = std::fmax(roundings, std::pow(norm_ratio(body), 2));
@@ -40,9 +40,9 @@ class ProjectionBound {
   }
 
   // The bound, in the metric of kinetic energy, for impulses q that leave the contacts `among` velocities r.
-  double operator()(const std::vector<int>& among, const std::vector<DD>& q, const std::vector<N>& r) const {
+  double operator()(const List<int>& among, const List<DD>& q, const List<N>& r) const {
     if (!is_known) return INFINITY;
-    std::vector<char> separates(assembly.count, true);
+    List<char> separates(assembly.count, true);
     for (int i : among) separates[i] = !(q[i].h > 0);
     for (;;) {
       const std::optional<Vector> t = changes_that_make_up_for(among, separates, r);
@@ -59,8 +59,8 @@ class ProjectionBound {
 
  private:
   // The sizes of t, or more, for a d that lets the contacts `separates` separate. Nothing if there may be no such d.
-  std::optional<Vector> changes_that_make_up_for(const std::vector<int>& among, const std::vector<char>& separates,
-                                                 const std::vector<N>& r) const {
+  std::optional<Vector> changes_that_make_up_for(const List<int>& among, const List<char>& separates,
+                                                 const List<N>& r) const {
     Vector off(assembly.count), t(assembly.count);  // off: how far r is from 0
     for (int i : among) {
       if (separates[i]) continue;
@@ -96,7 +96,7 @@ class ProjectionBound {
   Beside contacts_beside(int i, const ActiveSet<R>& basis) const {
     Beside found{};
     int count = 0;  // at most three of one normal are independent
-    std::vector<R> line;
+    List<R> line;
     for (size_t k = 0; k < basis.members.size() && count < 3; ++k) {
       const int s = basis.members[k];
       if (!are_beside(assembly.contacts[i], assembly.contacts[s])) continue;
@@ -119,7 +119,7 @@ class ProjectionBound {
   const Assembly& assembly;
   // Of the least d that gives a contact a velocity of 1, and the rest of the basis 0. 0: not in the basis.
   Vector size;
-  std::vector<Beside> beside;  // of the contacts outside of the basis
+  List<Beside> beside;  // of the contacts outside of the basis
   bool is_known = false;
   double rounding = 0;  // relative, of what is computed by the factor of A
 };

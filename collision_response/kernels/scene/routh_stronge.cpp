@@ -37,17 +37,17 @@ constexpr double WORST = 0.1;  // greatest error estimate that still counts as a
 // decreases: if one of their springs is compressed, they are never all at rest.
 bool rattles_for_ever(const Assembly& assembly) {
   if (!assembly.is_locked || assembly.walls_move_apart) return false;
-  std::vector<int> elastic;
+  List<int> elastic;
   double fastest = 0;
   for (int i = 0; i < assembly.count; ++i) {
     if (assembly.contacts[i].e == 1) elastic.push_back(i);
     fastest = std::fmax(fastest, -assembly.contacts[i].axes[0].velocity);
   }
-  const std::vector<DD>& A = assembly.couplings<DD>();
-  const Minimum<DD> minimum = minimise(A, std::vector<DD>(assembly.count, {-1, 0}), elastic);
+  const List<DD>& A = assembly.couplings<DD>();
+  const Minimum<DD> minimum = minimise(A, List<DD>(assembly.count, {-1, 0}), elastic);
   if (minimum.status != MinimumStatus::UNBOUNDED) return false;
   auto approaches = [&](int i) { return -assembly.contacts[i].axes[0].velocity > WORST * fastest; };
-  std::vector<DD> w;  // p = -w, and 1 for the last one
+  List<DD> w;  // p = -w, and 1 for the last one
   minimum.active.line(minimum.last, w);
   bool found = approaches(minimum.last);
   for (size_t k = 0; k < w.size(); ++k)
@@ -85,10 +85,10 @@ double most_by_friction(const Assembly& assembly, int i, double normal_impulse, 
 
 // How much motion is missing after impulses P, relative to theirs, because approaches that are too slow to count are
 // left: at most twice what stops them all, as they may rebound, and the friction of these loads.
-double motion_left(const Assembly& assembly, const std::vector<Axes>& P) {
+double motion_left(const Assembly& assembly, const List<Axes>& P) {
   Motion after(assembly);
   for (int i = 0; i < assembly.count; ++i) after.apply(i, P[i]);
-  std::vector<N> start;
+  List<N> start;
   double alone = 0;  // what stops each by itself
   for (int i = 0; i < assembly.count; ++i) {
     const double u = after.velocity(i, 0);
@@ -112,7 +112,7 @@ double motion_left(const Assembly& assembly, const std::vector<Axes>& P) {
 template <class Path>
 FollowedPath answer_of(const Assembly& assembly, const Path& path) {
   FollowedPath answer;
-  std::vector<Axes> P = path.impulses();
+  List<Axes> P = path.impulses();
   const double part = path.part_without_gain(P);
   for (Axes& one : P)
     for (double& along : one) along = path.in_newton_seconds(part * along);
@@ -191,7 +191,7 @@ PathAnswer follow(const Assembly& assembly, const SpringOptions& options, double
 }  // namespace
 
 PathAnswer follow_springs(const Assembly& assembly, const SpringOptions& options, bool has_friction, double wanted) {
-  const std::vector<AssembledContact>& contacts = assembly.contacts;
+  const List<AssembledContact>& contacts = assembly.contacts;
   auto separates = [](const AssembledContact& contact) { return contact.axes[0].velocity >= 0; };
   auto is_less_elastic = [](const AssembledContact& a, const AssembledContact& b) { return a.e < b.e; };
   PathAnswer answer;

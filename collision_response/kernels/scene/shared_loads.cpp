@@ -25,7 +25,7 @@ struct Walls {
   Vector weight;  // of each body: how much it counts as a wall, from 0 to 1
   Velocity drift{};  // of walls, on average over the loads. Work is what an observer sees who moves with it
 
-  Walls(const Assembly& assembly, const Vector& loads, const std::vector<Cone<DD>>& cones)
+  Walls(const Assembly& assembly, const Vector& loads, const List<Cone<DD>>& cones)
       : assembly(assembly), weight(assembly.body_count, 1) {
     for (const Cone<DD>& cone : cones)
       for (int side = 0; side < 2; ++side)
@@ -82,8 +82,7 @@ DD wall_velocity(const Assembly& assembly, const AssembledContact& contact, int 
 // The loads >= 0 of nearly the same effect that are nearly the nearest to a target: those that minimise the square of the
 // difference in the effect, plus SHARING times that of the distance. Walls that move apart are one more body, which their
 // work moves. Only the contacts `among` have any.
-Vector share_nearly(const Assembly& assembly, const Vector& loads, const std::vector<int>& among,
-                    const Vector& target) {
+Vector share_nearly(const Assembly& assembly, const Vector& loads, const List<int>& among, const Vector& target) {
   const int walls = assembly.body_count;
   const double greatest = greatest_of(loads);
   double fastest = 0, mean_mass = 0;
@@ -113,7 +112,7 @@ Vector share_nearly(const Assembly& assembly, const Vector& loads, const std::ve
     }
   programme.aim_at(programme.motion());
   programme.prepare();
-  std::vector<std::array<DD, 3>> from;
+  List<std::array<DD, 3>> from;
   for (int i : among) from.push_back({DD{target[i] / greatest, 0}, DD{}, DD{}});
   programme.solve_from(1 / SHARING, from);
   Vector shared(assembly.count);
@@ -133,13 +132,13 @@ struct RoundedLoads {
   explicit RoundedLoads(const Assembly& assembly) : none(assembly.count, INFINITY), full(assembly.count, INFINITY) {
     constexpr double ROUNDING = 0x1p-72, ROUNDING_OF_PROJECTION = 0x1p-50;
     ActiveSet<DD> basis(assembly.couplings<DD>().data(), assembly.count);
-    const std::vector<int> dependent = basis.span(assembly.all_contacts(), NEARLY_DEPENDENT);
-    const std::vector<DD> diagonal = basis.diagonal_of_inverse();
+    const List<int> dependent = basis.span(assembly.all_contacts(), NEARLY_DEPENDENT);
+    const List<DD> diagonal = basis.diagonal_of_inverse();
     for (size_t k = 0; k < diagonal.size(); ++k) {
       none[basis.members[k]] = dependent.empty() ? 0 : ROUNDING_OF_PROJECTION * std::sqrt(diagonal[k].h);
       full[basis.members[k]] = ROUNDING * diagonal[k].h;
     }
-    std::vector<DD> w;
+    List<DD> w;
     for (int i : dependent) {
       basis.line(i, w);
       for (size_t k = 0; k < w.size(); ++k)
@@ -167,7 +166,7 @@ template <class Nearest>
 Vector possible_loads(const Assembly& assembly, Vector loads, double least, const Nearest& nearest) {
   constexpr double TILT = 4.5e-7;  // of normals of one face
   constexpr double FAR = 100;  // a target beyond any load, relative to the greatest
-  const std::vector<AssembledContact>& contacts = assembly.contacts;
+  const List<AssembledContact>& contacts = assembly.contacts;
   const double greatest = greatest_of(loads), limit = least * greatest;
   auto may_share = [&](int i) {
     for (int j = 0; j < assembly.count; ++j)
@@ -197,7 +196,7 @@ struct NearlyShared {
   Vector possible, nearby;
   double least;  // sharing gives loads of about SHARING to bodies that have hardly any
 
-  NearlyShared(const Assembly& assembly, const Vector& loads, const std::vector<int>& touched)
+  NearlyShared(const Assembly& assembly, const Vector& loads, const List<int>& touched)
       : least(SHARING / LEAST_PART * greatest_of(loads)) {
     auto nearest = [&](const Vector& target) { return share_nearly(assembly, loads, touched, target); };
     const Vector shared = nearest(Vector(assembly.count));
@@ -223,24 +222,24 @@ bool are_on_one_face(const Assembly& assembly, int i, int j, double tilt) {
   return product > 1 - tilt * tilt / 2;
 }
 
-SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p) {
+SharedLoads share_loads(const Assembly& assembly, const List<DD>& p) {
   constexpr double SMALL = 1e-10;  // a load, relative to those of its bodies
   constexpr double NEVER_ROUNDING = 1e-6;  // a load, also relative: from here on, rounding does not decide it
   constexpr double NO_LOAD = 1e-20;  // relative to the greatest: where impulses cancel, it is rounding
   const int count = assembly.count;
-  std::vector<DD> shared = p;
+  List<DD> shared = p;
   const NullImpulses null = null_impulses(assembly);
   if (!null.basis.empty()) minimise_norm(assembly, shared, null.basis, NO_SHARE);
   auto is_independent = [&](int i) {
     const double none = NO_SHARE * assembly.contacts[i].scale;
     return std::all_of(null.basis.begin(), null.basis.end(),
-                       [&](const std::vector<DD>& z) { return std::fabs(z[i].h) < none; });
+                       [&](const List<DD>& z) { return std::fabs(z[i].h) < none; });
   };
   Vector loads = loads_of(assembly, shared);
   auto nearest = [&](const Vector& target) {
     Vector impulses = target;
     for (int i = 0; i < count; ++i) impulses[i] *= assembly.contacts[i].scale;
-    std::vector<DD> other = shared;
+    List<DD> other = shared;
     minimise_norm(assembly, other, null.basis, NO_SHARE, impulses);
     return loads_of(assembly, other);
   };
@@ -251,7 +250,7 @@ SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p) {
   for (int i = 0; i < count; ++i)
     if (loads[i] > SMALL * greatest) sure[i] = std::fmax(sure[i], loads[i]);
   const Vector given = loads_nearby(assembly, sure);
-  std::vector<int> touched;  // contacts of bodies that all have a load
+  List<int> touched;  // contacts of bodies that all have a load
   for (int i = 0; i < count; ++i) {
     if (given[i] > no_load) touched.push_back(i);
     else loads[i] = possible[i] = 0;

@@ -10,7 +10,7 @@
 
 // The impulses of contacts in units that make n.K n of each 1: each is the change of its velocity by itself, times the
 // square root of the effective mass.
-inline Vector loads_of(const Assembly& assembly, const std::vector<DD>& p) {
+inline Vector loads_of(const Assembly& assembly, const List<DD>& p) {
   Vector loads(assembly.count);
   for (int i = 0; i < assembly.count; ++i) loads[i] = p[i].h / assembly.contacts[i].scale;
   return loads;
@@ -27,4 +27,4 @@ struct SharedLoads {
 };
 
 // Share the loads of impulses p.
-SharedLoads share_loads(const Assembly& assembly, const std::vector<DD>& p);
+SharedLoads share_loads(const Assembly& assembly, const List<DD>& p);

@@ -5,16 +5,16 @@
 // Each row holds the entries from the first that may be other than 0 to the diagonal. Rows are in an order that keeps
 // them short.
 struct SkylineRows {
-  std::vector<int> place, first;  // first: of each row
-  std::vector<size_t> start;  // of each row
+  List<int> place, first;  // first: of each row
+  List<size_t> start;  // of each row
 
   // place: of each variable in that order. Variables of a group are coupled with each other.
-  void lay_out(std::vector<int> place_of_variables, const std::vector<std::vector<int>>& groups) {
+  void lay_out(List<int> place_of_variables, const List<List<int>>& groups) {
     place = std::move(place_of_variables);
     const int count = static_cast<int>(place.size());
     first.resize(count);
     std::iota(first.begin(), first.end(), 0);
-    for (const std::vector<int>& group : groups) {
+    for (const List<int>& group : groups) {
       int least = count;
       for (int i : group) least = std::min(least, place[i]);
       for (int i : group) first[place[i]] = std::min(first[place[i]], least);
@@ -25,7 +25,7 @@ struct SkylineRows {
   int size() const { return static_cast<int>(place.size()); }
   // Where a row would begin if it had all columns: its entry in column j is row(entries, i)[j].
   template <class R>
-  R* row(std::vector<R>& entries, int i) const {
+  R* row(List<R>& entries, int i) const {
     return entries.data() + start[i] - first[i];
   }
   // Whether the row of i is below that of j, or the same.
@@ -41,7 +41,7 @@ struct SkylineRows {
 template <class R>
 class Skyline {
  public:
-  void lay_out(std::vector<int> place_of_variables, const std::vector<std::vector<int>>& groups) {
+  void lay_out(List<int> place_of_variables, const List<List<int>>& groups) {
     rows.lay_out(std::move(place_of_variables), groups);
     const int count = rows.size();
     end.assign(count, 0);
@@ -51,7 +51,7 @@ class Skyline {
     column.resize(count);
   }
 
-  std::vector<R> entries;
+  List<R> entries;
   R& at(int i, int j) { return entries[rows.index(i, j)]; }
   bool is_below(int i, int j) const { return rows.is_below(i, j); }
   double multiplications() const { return work; }
@@ -59,9 +59,9 @@ class Skyline {
   // x = -M^-1 b, column by column, for numbers T of at least as many digits. The entries become the factor, with the
   // inverses of its diagonal.
   template <class T>
-  void solve(const std::vector<T>& b, std::vector<T>& x) {
+  void solve(const List<T>& b, List<T>& x) {
     const int count = rows.size();
-    const std::vector<int>&place = rows.place, &first = rows.first;
+    const List<int>&place = rows.place, &first = rows.first;
     for (int i = 0; i < count; ++i) rhs[place[i]] = -rounded_to<R>(b[i]);
     for (int k = 0; k < count; ++k) {
       R& pivot = rows.row(entries, k)[k];
@@ -97,8 +97,8 @@ class Skyline {
   }
 
   SkylineRows rows;
-  std::vector<int> end;  // of each column, below its last row
-  std::vector<R> rhs, column;
+  List<int> end;  // of each column, below its last row
+  List<R> rhs, column;
   double work = 0;
 };
 
@@ -106,7 +106,7 @@ class Skyline {
 // diagonal of 1 in U, without exchanges of rows.
 class UnsymmetricSkyline {
  public:
-  void lay_out(std::vector<int> place_of_variables, const std::vector<std::vector<int>>& groups) {
+  void lay_out(List<int> place_of_variables, const List<List<int>>& groups) {
     rows.lay_out(std::move(place_of_variables), groups);
   }
   void set_to_unit() {
@@ -136,7 +136,7 @@ class UnsymmetricSkyline {
 
   // x = M^-1 x. The entries become the factors. Whether there are any.
   bool solve(Vector& x) {
-    const std::vector<int>&place = rows.place, &first = rows.first;
+    const List<int>&place = rows.place, &first = rows.first;
     const int count = rows.size();
     Vector b(count);
     for (int i = 0; i < count; ++i) b[place[i]] = x[i];
@@ -172,16 +172,16 @@ class UnsymmetricSkyline {
 struct ContactGraph {
   int body_count;
   bool contacts_have_one;
-  std::vector<std::array<int, 2>> pairs{};  // the bodies of each contact; -1: immovable
+  List<std::array<int, 2>> pairs{};  // the bodies of each contact; -1: immovable
 
   int size() const { return 6 * body_count + (contacts_have_one ? static_cast<int>(pairs.size()) : 0); }
 
   // Groups of coupled variables: first for each body, its own and those of its contacts.
-  std::vector<std::vector<int>> groups() const {
+  List<List<int>> groups() const {
     constexpr size_t FEW = 16;  // variables: memory for one after the other takes as long as the arithmetic
-    std::vector<std::vector<int>> groups(body_count);
-    for (std::vector<int>& group : groups) group.reserve(FEW);
-    auto add_body = [](int body, std::vector<int>& group) {
+    List<List<int>> groups(body_count);
+    for (List<int>& group : groups) group.reserve(FEW);
+    auto add_body = [](int body, List<int>& group) {
       for (int k = 0; k < 6; ++k) group.push_back(6 * body + k);
     };
     for (int b = 0; b < body_count; ++b) add_body(b, groups[b]);
@@ -190,7 +190,7 @@ struct ContactGraph {
       for (int body : pairs[i])
         if (body >= 0 && contacts_have_one) groups[body].push_back(6 * body_count + static_cast<int>(i));
       if (a < 0 || b < 0) continue;
-      std::vector<int>& both = groups.emplace_back();
+      List<int>& both = groups.emplace_back();
       add_body(a, both);
       add_body(b, both);
     }
@@ -199,16 +199,16 @@ struct ContactGraph {
 
   // An order in which coupled variables are near each other: bodies breadth first from one with few contacts, each
   // followed by the variables of its contacts.
-  std::vector<int> order() const {
-    std::vector<std::vector<int>> touching(body_count);
+  List<int> order() const {
+    List<List<int>> touching(body_count);
     for (size_t i = 0; i < pairs.size(); ++i)
       for (int b : pairs[i])
         if (b >= 0) touching[b].push_back(static_cast<int>(i));
-    std::vector<int> roots(body_count), queue, place(size());
+    List<int> roots(body_count), queue, place(size());
     std::iota(roots.begin(), roots.end(), 0);
     auto fewer = [&](int a, int b) { return touching[a].size() < touching[b].size(); };
     std::stable_sort(roots.begin(), roots.end(), fewer);
-    std::vector<char> seen(body_count), placed(pairs.size(), !contacts_have_one);
+    List<char> seen(body_count), placed(pairs.size(), !contacts_have_one);
     int next = 0;
     for (int root : roots) {
       if (seen[root]) continue;
@@ -217,7 +217,7 @@ struct ContactGraph {
       for (size_t k = 0; k < queue.size(); ++k) {
         const int body = queue[k];
         for (int c = 0; c < 6; ++c) place[6 * body + c] = next++;
-        std::vector<int> near;
+        List<int> near;
         for (int i : touching[body]) {
           const int other = pairs[i][pairs[i][0] == body];
           if (!placed[i] && (other < 0 || seen[other])) {

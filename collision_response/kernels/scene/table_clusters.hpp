@@ -26,7 +26,7 @@ struct TableClusters {
   Array bodies{}, pairs{}, contacts{};
   Array order{}, starts{};  // contacts by cluster: order[starts[c]:starts[c + 1]]
   Array results[RESULTS]{};
-  std::vector<int> place{};  // for take_parts()
+  List<int> place{};  // for take_parts()
 
   // Return whether all are arrays. `tables`: bodies, pairs, contacts, order, starts.
   bool open(PyObject* const* tables, PyObject* fields) {

@@ -4,12 +4,12 @@
 #include <array>
 #include <cmath>
 #include <numeric>
-#include <vector>
+#include "list.hpp"
 
 #include "../numbers.hpp"
 
 using DD = DoubleDouble<double>;
-using Vector = std::vector<double>;
+using Vector = List<double>;
 using Axes = std::array<double, 3>;
 
 constexpr double ROUND_UP = 1 + 1e-9;  // makes an upper bound of a sum of doubles that are not negative
@@ -59,7 +59,7 @@ INLINE R dot(const R* a, const R* b, size_t count) {
   return sum.total();
 }
 template <class R>
-R dot(const std::vector<R>& a, const std::vector<R>& b) {
+R dot(const List<R>& a, const List<R>& b) {
   return dot(a.data(), b.data(), a.size());
 }
 template <class R>
@@ -69,7 +69,7 @@ std::array<R, 3> cross(const R* a, const R* b) {
 
 // y += by x
 template <class R>
-void increase(std::vector<R>& y, double by, const std::vector<R>& x) {
+void increase(List<R>& y, double by, const List<R>& x) {
   for (size_t i = 0; i < y.size(); ++i) y[i] += by * x[i];
 }
 inline Vector difference(Vector x, const Vector& y) {
