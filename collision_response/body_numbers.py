@@ -25,6 +25,12 @@ def orientation_of(body: Body) -> Quaternion:
     return IDENTITY_QUATERNION if body.orientation is None else Quaternion(*body.orientation)
 
 
+def none_if_parallel(orientation: Quaternion) -> Quaternion | None:
+    """Return ``None``, as bodies have it, for axes that are parallel to the world's; else the orientation."""
+    x, y, z, w = orientation
+    return None if not (x or y or z) and w and math.isfinite(w) else orientation
+
+
 def body_to_numbers(body: Body) -> list[float]:
     """Return the 23 numbers of a body, in the order of ``BodyStates.msg``.
 
@@ -61,7 +67,7 @@ def body_from_numbers(numbers: Sequence[float], inverse_inertia: Sequence[float]
         mass,
         inertia,
         position,
-        None if orientation == IDENTITY_QUATERNION else orientation,
+        none_if_parallel(orientation),
         velocity,
         angular_velocity,
         com,

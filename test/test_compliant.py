@@ -362,6 +362,31 @@ def test_the_smallest_restitution_is_close_to_none(K, u, mu):
         assert lost == pytest.approx(-least.energy_change, abs=bound)
 
 
+WEDGED = (4.0, 1.9, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("K", "u", "mu", "pressed"),
+    [
+        (WEDGED, (1, -1), 0.8, True),
+        (WEDGED, (0.3, -1), 0.8, True),
+        ((4.0, -1.9, 1.0), (0.5, -1), 2.0, True),
+        (WEDGED, (1, -1), 0.4, False),
+        (SHORT, (0.3, -1), 1.0, False),
+        (ROD, (0, -1), 9.0, False),
+    ],
+)
+def test_the_bound_of_little_restitution_covers_that_springs_press_again(K, u, mu, pressed):
+    """Where the tangential spring does so, the limit for ever less restitution is not the answer for none."""
+    little, least, none = (planar(K, u, e, mu, 1.0) for e in (0.01, 1e-13, 0.0))
+    size = math.hypot(*little.impulse)
+    apart = math.dist(little.impulse, least.impulse) / size
+    assert (apart > 0.2) == pressed == math.isinf(least.error_bound)
+    assert pressed or apart < 2 * 0.01  # the impulse of unloading
+    assert none.impulse == least.impulse
+    assert none.error_bound < 1e-8
+
+
 def test_without_tangential_motion_the_spring_stays_at_rest():
     impact = planar(SPHERE, (0.0, -1.0), 0.7, 0.3, 1.0)
     assert impact.tangential_impulse == 0

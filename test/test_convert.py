@@ -194,6 +194,30 @@ def test_the_length_of_a_quaternion_does_not_matter(length):
     assert vector_of(result.twist_a.linear) == near(vector_of(expected.twist_a.linear))
 
 
+@pytest.mark.parametrize("w", [1.0, -1.0, 2.0, 1 + 2**-52, 1e-160])
+def test_a_quaternion_that_does_not_rotate_is_none_to_the_core(w):
+    state = ball()
+    state.pose.orientation.x, state.pose.orientation.w = -0.0, w
+    assert convert.body_of("body_a", state).orientation is None
+
+
+@pytest.mark.parametrize("w", [0.0, math.nan, math.inf])
+def test_a_quaternion_without_a_direction_is_refused(w):
+    request = ResolveCollision.Request()
+    request.body_a, request.body_b = ball(), BodyState(motion_type=BodyState.STATIC)
+    request.body_a.pose.orientation.w, request.contact.normal.z = w, 1.0
+    with refused(StatusCode.NOT_FINITE if w else StatusCode.INVALID_ORIENTATION, "body_a.orientation"):
+        answer_to(request)
+
+
+def test_a_twist_that_is_no_number_is_refused_as_such_also_if_it_is_static():
+    request = ResolveCollision.Request()
+    request.body_a, request.body_b = ball(), BodyState(motion_type=BodyState.STATIC)
+    request.body_b.twist.linear.x, request.contact.normal.z = math.nan, 1.0
+    with refused(StatusCode.NOT_FINITE, "body_b.velocity"):
+        answer_to(request)
+
+
 @pytest.mark.parametrize("motion_type", [BodyState.KINEMATIC, BodyState.STATIC])
 def test_the_inertia_of_an_immovable_body_is_ignored(motion_type):
     request = ResolveCollision.Request(body_a=ball(0.5, -1.0), body_b=ball(-0.5))

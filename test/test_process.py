@@ -115,6 +115,10 @@ def test_it_needs_no_standard_streams(graph, start, tmp_path, closed):
             ("-p", "body_state_topics:=[]"),
             "body_state_topics: an empty list has no type: write [''] for none",
         ),
+        (
+            ("-p", "body_state_topics:=[all_body_states]"),
+            "/all_body_states is the topic of tables of states, BodyStates",
+        ),
         (("bogus", "--bogus"), "unknown arguments: ['bogus', '--bogus']"),
         (("-p", b"world_frame:=\xff"), r"an argument is not text in UTF-8: 'world_frame:=\udcff'"),
         (

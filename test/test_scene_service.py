@@ -509,3 +509,11 @@ def test_a_scene_is_recorded(graph, tmp_path):
 def test_packing_names_what_has_the_wrong_type(make, error, message):
     with pytest.raises(error, match=message):
         make()
+
+
+def test_the_time_budget_does_not_stop_a_scene(graph):
+    """The node reads a large one in several steps, between which it would stop other requests."""
+    graph.serve(budget__time=1e-9)
+    bodies = [CUBE._replace(position=(2.0 * i, 0.0, 0.5)) for i in range(200)]
+    contact = CONTACTS[0]
+    assert graph.call(request_of([*bodies, Body.static()], [(0, 200)], [contact])).success

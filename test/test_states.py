@@ -397,11 +397,12 @@ def test_age_is_relative_to_the_contact_and_limited_in_both_directions(graph, st
     assert graph.call(request).success == bool(stamp)
 
 
-def test_a_state_without_a_stamp_is_not_reported_as_old(graph):
+@pytest.mark.parametrize("not_before", [100, -100])
+def test_a_state_without_a_stamp_is_not_reported_as_old(graph, not_before):
     graph.serve(max_state_wait=0.0)
     Publisher(graph).publish(left_ball())
     request = by_name()
-    request.not_before.sec = 100
+    request.not_before.sec = not_before
     status = graph.call(request).result.status
     assert status.code == StatusCode.STALE_STATE
     assert "the last state of 'left' has no stamp, which not_before requires; waited" in status.message

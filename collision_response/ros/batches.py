@@ -76,6 +76,7 @@ class BatchService:
 
     interface = ResolveCollisionBatch
     name = "~/resolve_collision_batch"
+    has_budget = True
     parameters: LatestParameters
     states: LatestStates
 

@@ -109,7 +109,7 @@ class StateFinder:
                 raise
             raise StateNotYetReceived(error.code, error.field, error.reason) from None
         stamp, time_of_contact = nanoseconds(state.header.stamp), self._time or self._states.now()
-        if self._not_before and stamp < self._not_before:
+        if self._not_before and (not stamp or stamp < self._not_before):
             fault = f"is {(self._not_before - stamp) / 1e9:.6g} s older than not_before"
             if not stamp:
                 fault = "has no stamp, which not_before requires"

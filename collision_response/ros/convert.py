@@ -24,7 +24,7 @@ from std_msgs.msg import Header
 
 from ..answer import NUMBERS, Impact
 from ..arguments import check_number
-from ..body_numbers import IDENTITY_QUATERNION, ROWS, body_to_numbers
+from ..body_numbers import ROWS, body_to_numbers, none_if_parallel
 from ..in_python.request_numbers import read_request
 from ..materials import NO_MATERIALS, RANGES, Pair, combined_coefficient
 from ..model import ENUMERATIONS, Adjustment, ImpactModel, Precision, check_model
@@ -118,8 +118,7 @@ def body_of(owner: str, state: BodyState) -> Body:
     """
     position, q = vector_of(state.pose.position), state.pose.orientation
     velocity, angular_velocity = vector_of(state.twist.linear), vector_of(state.twist.angular)
-    rotation = Quaternion(q.x, q.y, q.z, q.w)
-    orientation = None if rotation == IDENTITY_QUATERNION else rotation
+    orientation = none_if_parallel(Quaternion(q.x, q.y, q.z, q.w))
     if state.motion_type != BodyState.DYNAMIC:
         _check_immovable(owner, state.motion_type, (*velocity, *angular_velocity))
         return Body.kinematic(position, velocity, angular_velocity)._replace(orientation=orientation)
@@ -162,7 +161,7 @@ def _check_immovable(owner: str, motion_type: int, twist: tuple[float, ...]) -> 
     if motion_type not in (BodyState.KINEMATIC, BodyState.STATIC):
         reason = f"must be DYNAMIC (0), KINEMATIC (1) or STATIC (2); is {motion_type}"
         raise ImpactError(StatusCode.INVALID_MOTION_TYPE, field, reason)
-    if motion_type == BodyState.STATIC and any(twist):
+    if motion_type == BodyState.STATIC and any(x > 0 or x < 0 for x in twist):
         reason = f"is STATIC, but the twist is not 0: {twist}"
         raise ImpactError(StatusCode.INVALID_MOTION_TYPE, field, reason)
 

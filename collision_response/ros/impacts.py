@@ -28,6 +28,7 @@ class ImpactService:
 
     interface = ResolveCollision
     name = "~/resolve_collision"
+    has_budget = True
     parameters: LatestParameters
     states: LatestStates
     answer_log: AnswerLog

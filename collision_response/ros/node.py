@@ -38,7 +38,7 @@ from .batches import BatchService
 from .diagnostics import Counters, Diagnostics
 from .impacts import ImpactService
 from .parameters import DECLARATIONS, DeclaringNode
-from .process import limit_memory, run
+from .process import StartError, limit_memory, run
 from .scenes import SceneService
 from .serialized import MalformedMessage
 from .server import Server
@@ -87,8 +87,9 @@ class CollisionResponseNode(DeclaringNode):
     Raises:
         rclpy.exceptions.ParameterException: if a parameter has a value that is not allowed.
         rclpy.exceptions.NameValidationException: if one of ``body_state_topics`` is no name of a topic.
-        StartError: if a value is an empty list, or a number without the point that it needs; or if
-            ``memory_limit`` is less than the process needs to start.
+        StartError: if a value is an empty list, or a number without the point that it needs; if one of
+            ``body_state_topics`` is ``all_body_states``; or if ``memory_limit`` is less than the process
+            needs to start.
     """
 
     # On the class, because rclpy destroys a node also if its start failed before these are set.
@@ -119,7 +120,10 @@ class CollisionResponseNode(DeclaringNode):
         services = (self.impact_service, BatchService(self.parameters, self._states), self._scene_service)
         warm_up()
         topics = {self._resolved(topic): topic for topic in value("body_state_topics") if topic}
-        self._state_topics = [*topics, self._resolved(TABLE_TOPIC)]
+        table_topic = self._resolved(TABLE_TOPIC)
+        if table_topic in topics:
+            raise StartError(f"body_state_topics: {table_topic} is the topic of tables of states, BodyStates")
+        self._state_topics = [*topics, table_topic]
         self._state_inputs = [
             *(self._subscribe(BodyState, topic, STATE_QOS, self._add_state) for topic in topics.values()),
             self._subscribe(BodyStates, TABLE_TOPIC, TABLE_QOS, self._states.add_table),

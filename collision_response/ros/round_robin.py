@@ -30,12 +30,13 @@ TIME_SLICE = 0.002
 class Job:
     """The work for one request: the steps that send its answer, and what sends an error instead.
 
-    ``spent`` is its computing time so far [s], ``deadline`` when it stops waiting [s], if it waits, and
-    ``has_waited`` whether it has been resumed.
+    ``spent`` is its computing time so far [s], ``has_budget`` whether that is limited, ``deadline`` when it
+    stops waiting [s], if it waits, and ``has_waited`` whether it has been resumed.
     """
 
     steps: Steps[None]
     send_refusal: Callable[[ImpactError], None]
+    has_budget: bool = True
     spent: float = 0.0
     deadline: float = 0.0
     has_waited: bool = False
@@ -156,7 +157,7 @@ class RoundRobin:
         """Run one step of the first job in the queue, and return the time at its end."""
         start = self._clock()
         job = queue[0]
-        if (error := self._over_budget(job.spent)) is not None:
+        if job.has_budget and (error := self._over_budget(job.spent)) is not None:
             queue.popleft().refuse(error)
             return self._clock()
         try:

@@ -77,6 +77,7 @@ class SceneService:
 
     interface = ResolveScene
     name = "~/resolve_scene"
+    has_budget = False
     parameters: LatestParameters
     states: LatestStates
     answer_log: AnswerLog

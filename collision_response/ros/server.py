@@ -83,6 +83,8 @@ class NodeService(Protocol):
 
     interface: Any
     name: str
+    has_budget: bool
+    """Whether the parameter ``budget.time`` limits the requests."""
 
     def answer(self, request: Any) -> Steps[tuple[StatusCode, Any]]:
         """Compute the response to a request, with its status code, or raise an :class:`ImpactError`."""
@@ -240,7 +242,8 @@ class Server:
         self._unconfirmed.pop(client, None)  # the request is a sign of life
         self._counters.requests += 1
         call = Call(self._endpoints[name], client, request, header, time.perf_counter())
-        self._jobs.add(client, Job(self._steps(call), partial(self._refuse, call)))
+        has_budget = call.endpoint.node_service.has_budget
+        self._jobs.add(client, Job(self._steps(call), partial(self._refuse, call), has_budget))
 
     def _steps(self, call: Call) -> Steps[None]:
         """Answer a request, unless its client has left.

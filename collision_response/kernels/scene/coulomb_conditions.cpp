@@ -274,22 +274,18 @@ class Conditions {
     for (size_t i = 0; i < cones.size(); ++i) {
       const Cone<double>& cone = cones[i];
       if (!(slopes[i][0][0] > 0)) continue;  // no impulse at this contact
-      std::array<std::array<double, 6>, 3> part[2];
-      for (int t = 0; t < 2; ++t)
+      Slope slope = slopes[i];
+      for (auto& row : slope)
+        for (double& one : row) one *= rho * cone.share;
+      for (int t = 0; t < 2; ++t) {
+        if (cone.body[t] < 0) continue;
+        double part[3][6]{};
         for (int a = 0; a < 3; ++a)
-          for (int l = 0; l < 6; ++l) {
-            part[t][a][l] = 0;
-            for (int b = 0; b < 3; ++b) part[t][a][l] += rho * cone.share * slopes[i][a][b] * cone.row[t][b][l];
-          }
-      for (int s = 0; s < 2; ++s)
-        for (int t = 0; t < 2; ++t) {
-          if (cone.body[s] < 0 || cone.body[t] < 0) continue;
-          matrix.add_block(6 * cone.body[s], 6 * cone.body[t], [&](int k, int l) {
-            double sum = 0;
-            for (int a = 0; a < 3; ++a) sum += cone.row[s][a][k] * part[t][a][l];
-            return sum;
-          });
-        }
+          for (int b = 0; b < 3; ++b)
+            for (int l = 0; l < 6; ++l) part[a][l] += slope[a][b] * cone.row[t][b][l];
+        for (int s = 0; s < 2; ++s)
+          if (cone.body[s] >= 0) matrix.add_product(6 * cone.body[s], 6 * cone.body[t], cone.row[s], part);
+      }
     }
     step = residual;
     for (double& one : step) one = -one;

@@ -6,6 +6,7 @@
 // them short.
 struct SkylineRows {
   List<int> place, first;  // first: of each row
+  List<int> end;  // of each column, below its last row
   List<size_t> start;  // of each row
 
   // place: of each variable in that order. Variables of a group are coupled with each other.
@@ -19,6 +20,8 @@ struct SkylineRows {
       for (int i : group) least = std::min(least, place[i]);
       for (int i : group) first[place[i]] = std::min(first[place[i]], least);
     }
+    end.assign(count, 0);
+    for (int i = 0; i < count; ++i) std::fill(end.begin() + first[i], end.begin() + i + 1, i + 1);
     start.assign(count + 1, 0);
     for (int i = 0; i < count; ++i) start[i + 1] = start[i] + static_cast<size_t>(i - first[i] + 1);
   }
@@ -37,6 +40,16 @@ struct SkylineRows {
   }
 };
 
+// y += by x
+template <class R>
+INLINE void add_multiple(R* __restrict y, R by, const R* __restrict x, int count) {
+  for (int k = 0; k < count; ++k) {
+    SumOfProducts<R> sum{y[k]};
+    sum.add(by, x[k]);
+    y[k] = sum.total();
+  }
+}
+
 // A symmetric positive definite matrix, solved by Cholesky's factors.
 template <class R>
 class Skyline {
@@ -44,8 +57,6 @@ class Skyline {
   void lay_out(List<int> place_of_variables, const List<List<int>>& groups) {
     rows.lay_out(std::move(place_of_variables), groups);
     const int count = rows.size();
-    end.assign(count, 0);
-    for (int i = 0; i < count; ++i) std::fill(end.begin() + rows.first[i], end.begin() + i + 1, i + 1);
     entries.assign(rows.start[count], R{});
     rhs.resize(count);
     column.resize(count);
@@ -61,7 +72,7 @@ class Skyline {
   template <class T>
   void solve(const List<T>& b, List<T>& x) {
     const int count = rows.size();
-    const List<int>&place = rows.place, &first = rows.first;
+    const List<int>&place = rows.place, &first = rows.first, &end = rows.end;
     for (int i = 0; i < count; ++i) rhs[place[i]] = -rounded_to<R>(b[i]);
     for (int k = 0; k < count; ++k) {
       R& pivot = rows.row(entries, k)[k];
@@ -87,17 +98,7 @@ class Skyline {
   }
 
  private:
-  // y += by x
-  INLINE void add_multiple(R* __restrict y, R by, const R* __restrict x, int count) {
-    for (int k = 0; k < count; ++k) {
-      SumOfProducts<R> sum{y[k]};
-      sum.add(by, x[k]);
-      y[k] = sum.total();
-    }
-  }
-
   SkylineRows rows;
-  List<int> end;  // of each column, below its last row
   List<R> rhs, column;
   double work = 0;
 };
@@ -108,50 +109,48 @@ class UnsymmetricSkyline {
  public:
   void lay_out(List<int> place_of_variables, const List<List<int>>& groups) {
     rows.lay_out(std::move(place_of_variables), groups);
+    below.resize(rows.size());
+    beside.resize(rows.size());
   }
   void set_to_unit() {
     lower.assign(rows.start.back(), 0);
     upper.assign(rows.start.back(), 0);
     for (int i = 0; i < rows.size(); ++i) lower[rows.start[i + 1] - 1] = 1;
   }
-  // Add entry(k, l) to those from row i and column j on, for six variables of a body each, which are next to each other.
-  template <class Entry>
-  void add_block(int i, int j, const Entry& entry) {
-    if (i != j && rows.is_below(i, j)) {
-      for (int k = 0; k < 6; ++k) {
-        double* to = &at(i + k, j);
-        for (int l = 0; l < 6; ++l) to[l] += entry(k, l);
-      }
-    } else if (i != j) {
-      for (int l = 0; l < 6; ++l) {
-        double* to = &at(i, j + l);
-        for (int k = 0; k < 6; ++k) to[k] += entry(k, l);
-      }
-    } else {
-      for (int k = 0; k < 6; ++k)
-        for (int l = 0; l < 6; ++l) at(i + k, j + l) += entry(k, l);
+  // Add R^T S to the entries from row i and column j on, for six variables of a body each, which are next to each other.
+  void add_product(int i, int j, const double (*R)[6], const double (*S)[6]) {
+    const bool is_below = rows.is_below(i, j), is_diagonal = i == j;
+    for (int k = 0; k < 6; ++k) {
+      if (is_below) add_combination(&lower[rows.index(i + k, j)], R, k, S, is_diagonal ? k + 1 : 6);
+      if (!is_below || is_diagonal) add_combination(&upper[rows.index(i, j + k)], S, k, R, is_diagonal ? k : 6);
     }
   }
   double multiplications() const { return work; }
 
-  // x = M^-1 x. The entries become the factors. Whether there are any.
+  // x = M^-1 x, column by column. The entries become the factors. Whether there are any.
   bool solve(Vector& x) {
-    const List<int>&place = rows.place, &first = rows.first;
+    const List<int>&place = rows.place, &first = rows.first, &end = rows.end;
     const int count = rows.size();
     Vector b(count);
     for (int i = 0; i < count; ++i) b[place[i]] = x[i];
-    for (int i = 0; i < count; ++i) {
-      double *L = rows.row(lower, i), *U = rows.row(upper, i);
-      for (int j = first[i]; j < i; ++j) {
-        const int from = std::max(first[i], first[j]);
-        const double* L_above = rows.row(lower, j);
-        L[j] -= dot(L + from, rows.row(upper, j) + from, j - from);
-        U[j] = (U[j] - dot(L_above + from, U + from, j - from)) / L_above[j];
-        work += 2 * (j - from);
+    for (int k = 0; k < count; ++k) {
+      const double pivot = rows.row(lower, k)[k];
+      if (!(std::fabs(pivot) > 0)) return false;
+      b[k] /= pivot;
+      for (int i = k + 1; i < end[k]; ++i) {
+        const bool is_zero = first[i] > k;
+        below[i] = is_zero ? 0 : rows.row(lower, i)[k];
+        beside[i] = is_zero ? 0 : rows.row(upper, i)[k] / pivot;
       }
-      L[i] -= dot(L + first[i], U + first[i], i - first[i]);
-      if (!(std::fabs(L[i]) > 0)) return false;
-      b[i] = (b[i] - dot(L + first[i], b.data() + first[i], i - first[i])) / L[i];
+      for (int i = k + 1; i < end[k]; ++i) {
+        if (first[i] > k) continue;
+        double *L = rows.row(lower, i) + k, *U = rows.row(upper, i) + k;
+        U[0] = beside[i];
+        add_multiple(L + 1, -below[i], beside.data() + k + 1, i - k);
+        add_multiple(U + 1, -beside[i], below.data() + k + 1, i - k - 1);
+        b[i] -= below[i] * b[k];
+        work += 2 * (i - k);
+      }
     }
     for (int i = count; i-- > 0;)
       for (int j = first[i]; j < i; ++j) b[j] -= rows.row(upper, i)[j] * b[i];
@@ -160,10 +159,16 @@ class UnsymmetricSkyline {
   }
 
  private:
-  double& at(int i, int j) { return (rows.is_below(i, j) ? lower : upper)[rows.index(i, j)]; }
+  // y += A^T a, for the column k of a matrix whose columns are the a
+  static void add_combination(double* __restrict y, const double (*a)[6], int k, const double (*__restrict A)[6],
+                              int count) {
+    const double by[3] = {a[0][k], a[1][k], a[2][k]};
+    for (int l = 0; l < count; ++l) y[l] += by[0] * A[0][l] + by[1] * A[1][l] + by[2] * A[2][l];
+  }
 
   SkylineRows rows;
   Vector lower, upper;  // upper: by columns, without its diagonal
+  Vector below, beside;  // the column of L and the row of U at hand
   double work = 0;
 };
 

@@ -75,6 +75,16 @@ The errors of the data and of the steps, times this factor, divided by the root 
 ``K``, bound ``dP`` to first order. The factor ``SAFETY`` covers the times when only one of two near solutions
 slips.
 
+**Little restitution.** As ``e`` falls to 0, so does the time of unloading. Meanwhile ``u`` and the tangential
+spring keep still while the contact sticks, and with ``c = b.F_t`` at its beginning, and ``F_0 = F_n`` there,
+
+    e^2 F_n'' = -(F_n + c)           until F_n = F_s = |F_t| / mu; then the contact slips:
+    e^2 F_n'' = -(1 + c / F_s) F_n
+
+So ``(e F_n')^2 = F_0^2 + 2 F_0 c - c F_s`` where ``F_n = 0``. If this is positive, the impulse of unloading
+is of order ``e F_0``. Else the tangential spring presses the bodies together before ``F_n`` is 0, whatever
+``e`` is. With ``e = 0`` the impact ends with compression in any case.
+
 Sources: Stronge, *Impact Mechanics*, 2000, chapter 5; Maw, Barber & Fawcett, "The oblique impact of elastic
 spheres", Wear 38 (1976), for the elastic bodies that the bilinear springs approximate.
 """
@@ -85,6 +95,7 @@ import math
 from typing import NamedTuple
 
 from ...numbers.operations import (
+    Condition,
     Scalar,
     add_up,
     certain,
@@ -281,9 +292,16 @@ def _error(
     turn = choose(y.slips > 0, lambda: y.a1 * w2 - y.a2 * w1, lambda: one)
     bend = choose(y.slips > 0, lambda: (b2 * y.a1 - b1 * y.a2) * turn, lambda: b1 * w1 + b2 * w2)
     is_sure = (y.crest > 2 * E) & (rate * rate > 4 * E * kappa * bend)
+    is_sure = is_sure & ((e <= 0) | _surely_returns(y, F1, F2, b1 * F1 + b2 * F2, mu))
     known = known & (rate > 0) & (size > E) & (negation(plastic) | is_sure)
     missed = missed / or_one(rate)
     return E, choose(known, lambda: E / root + missed, lambda: math.inf + o)
+
+
+def _surely_returns(y: State, F1: Scalar, F2: Scalar, pressure: Scalar, mu: Scalar) -> Condition:
+    """Whether little restitution lets the normal force fall to 0 at once: see "Little restitution" above."""
+    slips_at = square_root(F1 * F1 + F2 * F2) / or_one(mu)
+    return 16 * (y.F * (y.F + 2 * pressure) - pressure * slips_at) > y.F * y.F
 
 
 def _direction(u1: Scalar, u2: Scalar, b1: Scalar, b2: Scalar) -> tuple[Scalar, Scalar]:

@@ -65,7 +65,7 @@ LEAST_WEIGHT = 1e-9
 """Less friction weighs the error of a direction as much as this: it must stay a direction."""
 
 LEAST_RESTITUTION = 1e-12
-"""Less restitution returns nothing that counts: the impact ends with compression, and the bound says so."""
+"""With less restitution, the impact ends with compression. The bound counts what it would return."""
 
 
 class Springs(NamedTuple):
