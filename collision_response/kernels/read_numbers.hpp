@@ -100,9 +100,14 @@ static inline __attribute__((always_inline)) bool read_number(PyObject* o, const
   return read_other(o, buffer, i);
 }
 
+// Whether an object can be iterated over, but is no numbers in an order.
+static bool is_no_sequence(PyObject* o) {
+  return PyUnicode_Check(o) || PyBytes_Check(o) || PyByteArray_Check(o) || PyAnySet_Check(o) || PyDict_Check(o);
+}
+
 // Read numbers from a sequence that is not a tuple of the right length: a list, an array.
 static __attribute__((noinline, cold)) bool read_sequence(PyObject* o, int count, const InputBuffer& buffer, int i) {
-  PyObject* items = PyUnicode_Check(o) ? nullptr : PySequence_Tuple(o);
+  PyObject* items = is_no_sequence(o) ? nullptr : PySequence_Tuple(o);
   if (!items && !clear_exception()) return false;
   bool fits = items && PyTuple_GET_SIZE(items) == count;
   if (!fits) {

@@ -72,13 +72,19 @@ class Vec3(NamedTuple):
         return square_root(square)
 
 
+NO_VECTORS = str, bytes, bytearray, set, frozenset, dict
+"""Types that can be iterated over, but are no numbers in an order."""
+
+
 def as_vector(field: str, values: Iterable[Scalar]) -> Vec3:
     """Return ``Vec3(*values)``.
 
     Raises:
-        TypeError: if ``values`` does not have three components; the message names the field.
+        TypeError: if ``values`` does not have three components, in an order; the message names the field.
     """
     try:
+        if isinstance(values, NO_VECTORS):
+            raise TypeError
         return Vec3(*values)
     except TypeError:
         raise TypeError(f"{field}: must be (x, y, z), is {format_value(values)}") from None
