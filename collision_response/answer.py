@@ -8,11 +8,11 @@ from decimal import Decimal
 from typing import Any, NamedTuple
 
 from .impact import Changes, ImpactNumbers
-from .model import Adjustment, Geometry, ImpactModel, Law, Precision
+from .model import Adjustment, Geometry, ImpactModel, Precision
 from .numbers.operations import Scalar, certain, square_root
 from .physics.body import Body, Twist
 from .physics.contact import Contact
-from .physics.laws import Regime
+from .physics.laws import Law, Regime
 from .physics.vector import Vec3
 from .status import StatusCode
 from .validity import is_not_normalised
@@ -139,11 +139,6 @@ def make_impact(
             | any(body.inverse_inertia is not None for body in bodies) * Adjustment.ENERGY_CHANGE_ONLY
         ),
     )
-
-
-def status_by_regime(regime: Regime) -> StatusCode:
-    """Return the status of an answer that meets the tolerance: OK, or SEPARATING."""
-    return StatusCode.SEPARATING if regime is Regime.SEPARATING else StatusCode.OK
 
 
 def relative_difference(impact: Impact, other: Impact, body_a: Body, body_b: Body) -> float:

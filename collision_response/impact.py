@@ -26,8 +26,8 @@ from .numbers.operations import (
     given_roundoff,
     is_out_of_range,
     map_numbers,
-    maximum,
     negation,
+    positive_part,
     square_root,
     values,
     widened,
@@ -202,9 +202,9 @@ def impact(
     normal_impulse = impulse.dot(n) / length
     tangential = impulse - n * (normal_impulse / length)
     report = Report(
-        twist_a=Twist(after_a.velocity, after_a.angular_velocity),
-        twist_b=Twist(after_b.velocity, after_b.angular_velocity),
-        normal_impulse=maximum(certain(normal_impulse), 0 * length),  # below 0 only by rounding
+        twist_a=after_a.twist,
+        twist_b=after_b.twist,
+        normal_impulse=positive_part(certain(normal_impulse)),  # below 0 only by rounding
         tangential_impulse=square_root(tangential.dot(tangential)),
         normal_velocity_before=n_u / length,
         normal_velocity_after=n.dot(u_after) / length,

@@ -15,8 +15,7 @@ from typing import Any, NamedTuple
 from .arguments import check_number
 from .named_enum import NamedEnum
 from .numbers.operations import ROUNDOFF, of_python
-from .physics.laws import PATHS, STEPPED, Settings
-from .physics.laws import Law as Law
+from .physics.laws import PATHS, STEPPED, Law, Settings
 from .physics.stiffness import METAL_ON_METAL
 from .status import ImpactError, StatusCode, format_value
 

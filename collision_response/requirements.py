@@ -125,7 +125,7 @@ NO_NEEDS = _Needs(
     "",
     dict.fromkeys(GEOMETRIES, Requirement(Precision.SINGLE, "the tolerance is met")),
 )
-LAWS = Law.FRICTIONLESS, Law.COULOMB
+SIMPLE_LAWS = Law.FRICTIONLESS, Law.COULOMB
 LEAVES_OUT_NOTHING = Geometry.SPATIAL, Precision.EXTENDED
 
 
@@ -145,7 +145,7 @@ class SceneSurvey:
         invalid = StatusCode.INVALID_MODEL
         self._tolerance = check_number("tolerance", tolerance, POSITIVE, math.inf, invalid, invalid)
         self._law = Requirement(Law.FRICTIONLESS, "friction changes no impact by more than the tolerance")
-        self._needs = dict.fromkeys(LAWS, NO_NEEDS)
+        self._needs = dict.fromkeys(SIMPLE_LAWS, NO_NEEDS)
 
     def add(self, name: str, body_a: Body, body_b: Body, contact: Contact) -> None:
         """Add a contact.
@@ -154,7 +154,7 @@ class SceneSurvey:
             ImpactError: if the contact cannot be resolved. The survey then stays as it was.
         """
         request = body_a, body_b, contact
-        impacts = {law: resolve(*request, ImpactModel(law, *LEAVES_OUT_NOTHING)) for law in LAWS}
+        impacts = {law: resolve(*request, ImpactModel(law, *LEAVES_OUT_NOTHING)) for law in SIMPLE_LAWS}
         needs = {
             law: self._needs[law].with_contact(name, self._least(request, impact))
             for law, impact in impacts.items()

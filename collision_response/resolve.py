@@ -21,9 +21,10 @@ from fractions import Fraction
 from typing import NoReturn
 
 from . import validity
-from .answer import Impact, relative_difference, status_by_regime
+from .answer import Impact, relative_difference
 from .arguments import check_number
 from .geometry import reduce_body, reduce_contact
+from .impact import with_change
 from .in_python import arbitrary_precision, exact_fractions, friction_along_path
 from .in_python.coefficients_at_speed import approach_speed, initial_friction, restitutions_at_speeds
 from .in_python.request_numbers import read_request
@@ -42,9 +43,9 @@ from .model import (
     plan_model,
     settled_bound,
 )
-from .physics.body import Body, Twist
+from .physics.body import Body
 from .physics.contact import Contact
-from .physics.laws import BY_SPEED, Law
+from .physics.laws import BY_SPEED, Law, Regime
 from .status import ImpactError, StatusCode
 
 
@@ -128,7 +129,8 @@ def _resolve_more_exactly(
     if not answer.error_bound <= plan.bound_limit:
         return answer._replace(status=StatusCode.TOLERANCE_NOT_MET)
     # The kernels aimed at plan.target_bound, which may be lower.
-    return answer._replace(status=status_by_regime(answer.regime))
+    separates = answer.regime is Regime.SEPARATING
+    return answer._replace(status=StatusCode.SEPARATING if separates else StatusCode.OK)
 
 
 def _with_finest_steps(
@@ -237,19 +239,16 @@ def _resolve_reduced(body_a: Body, body_b: Body, contact: Contact, model: Impact
     try:
         energy_before = float(full.kinetic_energy_before)
         energy_after = energy_before + float(reduced.kinetic_energy_after - reduced.kinetic_energy_before)
-        twists = [_twist_after(body_a, reduced.change_a), _twist_after(body_b, reduced.change_b)]
+        twist_a = with_change(body_a, reduced.change_a).twist
+        twist_b = with_change(body_b, reduced.change_b).twist
     except OverflowError:  # a fraction beyond float64
         raise library.refusal(StatusCode.OUT_OF_RANGE) from None
     return reduced._replace(
         status=reduced.status if bound <= bound_limit(model) else StatusCode.TOLERANCE_NOT_MET,
-        twist_a=twists[0],
-        twist_b=twists[1],
+        twist_a=twist_a,
+        twist_b=twist_b,
         kinetic_energy_before=energy_before,
         kinetic_energy_after=energy_after,
         error_bound=bound,
         adjustments=reduced.adjustments | (full.adjustments & BODY_ADJUSTMENTS),
     )
-
-
-def _twist_after(body: Body, change: Twist) -> Twist:
-    return Twist(body.velocity + change.linear, body.angular_velocity + change.angular)

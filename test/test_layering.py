@@ -95,6 +95,13 @@ FILES = [file for file in sorted(PACKAGE.rglob("*.py")) if unit_of(names(file)) 
 each_file = pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(PACKAGE)))
 
 
+@pytest.mark.parametrize("room", ["batch", "physics", "physics/laws", "ros", "scene"])
+def test_a_room_lists_its_files(room):
+    listed = ast.get_docstring(ast.parse((PACKAGE / room / "__init__.py").read_text()))
+    names = {file.name for file in (PACKAGE / room).glob("*.py")} - {"__init__.py", "__main__.py"}
+    assert [name for name in sorted(names) if name not in listed] == []
+
+
 @each_file
 def test_imports_go_downwards(file):
     unit = unit_of(names(file))

@@ -8,6 +8,7 @@ The files::
     resolve_scenes.py   many clusters of contacts
     pairs.py            contacts between bodies of one table
     arrays.py           arrays of other libraries; dask_arrays.py
+    threads.py          several workers
 """
 
 from .pairs import independent_sets, scatter_velocities

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..kernels.protocol import NumberType
-from ..model import Geometry, ImpactModel, Law, ModelPlan, Precision, check_model, law_for, plan_model
-from ..physics.laws import PATHS, STEPPED
+from ..model import Geometry, ImpactModel, ModelPlan, Precision, check_model, law_for, plan_model
+from ..physics.laws import PATHS, STEPPED, Law
 from ..status import ImpactError, StatusCode
 from .arrays import Array, check_unmasked
 from .result import BatchResult, is_bounded, result_fields

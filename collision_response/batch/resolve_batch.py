@@ -225,8 +225,7 @@ def _refine(
 
 def _unsettled(out: BatchResult, columns: Array, model: ImpactModel) -> Array:
     """Return the columns in which more digits may still change something."""
-    unsettled: Array = columns[~(out.error_bound[columns] < settled_bound(model))]
-    return unsettled
+    return columns[~(out.error_bound[columns] < settled_bound(model))]
 
 
 def _compute_alone(request: BatchRequest, out: BatchResult, columns: Array) -> Array:
@@ -240,8 +239,7 @@ def _compute_alone(request: BatchRequest, out: BatchResult, columns: Array) -> A
     _copy(alone.mapped(lambda array: array[..., is_known]), out, columns[is_known])
     if alone.error_bound is not None:
         is_known &= alone.error_bound <= plan.model_plan.target_bound
-    unknown: Array = columns[~is_known]
-    return unknown
+    return columns[~is_known]
 
 
 def _follow_finest_steps(request: BatchRequest, out: BatchResult, workers: int) -> Iterator[None]:
@@ -269,8 +267,7 @@ def _compute_extended(request: BatchRequest, out: BatchResult, columns: Array, w
     _run(request.select(columns), NumberType.EXTENDED, refined, workers, 0, columns.size)
     refined.precision[:] = Precision.EXTENDED
     _copy(refined, out, columns)
-    inexact: Array = columns[_inexact(refined, request.plan.model_plan.target_bound)]
-    return inexact
+    return columns[_inexact(refined, request.plan.model_plan.target_bound)]
 
 
 def _empty_result(like: BatchResult, n: int) -> BatchResult:

@@ -193,8 +193,7 @@ def _square_root(covariance: Array | None, size: int) -> Array:
         raise ImpactError(
             StatusCode.INVALID_TABLE, "covariance", "must be symmetric and positive semi-definite"
         )
-    root: Array = sd[:, None] * axes * np.sqrt(np.maximum(values, 0.0))
-    return root
+    return sd[:, None] * axes * np.sqrt(np.maximum(values, 0.0))
 
 
 def _likely_changes(

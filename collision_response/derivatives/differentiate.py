@@ -118,8 +118,7 @@ class Derivatives(NamedTuple):
         for field, name, known in (("result", result, RESULTS), ("parameter", parameter, self.columns)):
             if name not in known:
                 raise KeyError(f"{field}: must be one of {', '.join(known)}; is {format_value(name)}")
-        part: Array = self.jacobian[RESULTS[result], self.columns[parameter]]
-        return part
+        return self.jacobian[RESULTS[result], self.columns[parameter]]
 
 
 @compared_by_identity

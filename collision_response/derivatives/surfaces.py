@@ -57,8 +57,7 @@ def unit_normal(contact: Contact) -> Array:
     """Return the normal, scaled to length 1."""
     n = np.array(contact.normal, float)
     n /= np.abs(n).max()
-    unit: Array = n / np.linalg.norm(n)
-    return unit
+    return n / np.linalg.norm(n)
 
 
 def point_on_plane(body_a: Body, body_b: Body, contact: Contact) -> SurfaceMotion:

@@ -12,12 +12,12 @@ from typing import Any
 from ..status import ImpactError
 from . import from_table
 from .compare import Comparison, compare
-from .identification import LAWS, Identification, identify
+from .identification import FITTED_LAWS, Identification, identify
 from .least_squares import LOSSES, SEARCH_RANGES
 from .measurements import Measurements
 from .plot import draw
 
-LAWS_BY_NAME = {law.name.lower(): law for law in LAWS}
+LAWS_BY_NAME = {law.name.lower(): law for law in FITTED_LAWS}
 
 OF_READINGS = "speed", "radius", "errors"
 """The options for readings of a sphere."""

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..arguments import as_list
-from ..model import Law
+from ..physics.laws import Law
 from ..status import ImpactError, StatusCode
-from .identification import LAWS, Identification, identify, names_to_fit
+from .identification import FITTED_LAWS, Identification, identify, names_to_fit
 from .least_squares import LOSSES, NEGLIGIBLE_SQUARES, residual_unit
 from .measurements import Measurements, informative
 
@@ -88,7 +88,7 @@ def compare(
     """
     fit, given = as_list("fit", fit), {} if given is None else given
     if laws is None:
-        laws = [law for law in LAWS if names_to_fit(law, fit, given)] or LAWS
+        laws = [law for law in FITTED_LAWS if names_to_fit(law, fit, given)] or FITTED_LAWS
     laws = as_list("laws", laws)
     if not laws:
         raise ImpactError(StatusCode.INVALID_MODEL, "laws", "must name a law, is empty")

@@ -95,13 +95,11 @@ def estimates(problem: LeastSquares, best: Any, values: Array) -> tuple[dict[str
 
 def formal_deviations(problem: LeastSquares, best: Any) -> Array:
     """Return the standard deviation of each fitted coefficient according to least squares."""
-    deviations: Array = np.sqrt(np.diag(_covariance(problem, best)))
-    return deviations
+    return np.sqrt(np.diag(_covariance(problem, best)))
 
 
 def _covariance(problem: LeastSquares, best: Any) -> Array:
-    covariance: Array = _variance(problem, best) * np.linalg.pinv(best.jac.T @ best.jac)
-    return covariance
+    return _variance(problem, best) * np.linalg.pinv(best.jac.T @ best.jac)
 
 
 def _percentile(values: Array, percent: float) -> Any:

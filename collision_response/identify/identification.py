@@ -11,13 +11,13 @@ import numpy as np
 from ..arguments import as_list, check_count, check_mapping, check_number
 from ..batch.arrays import Array, compared_by_identity
 from ..materials import RANGES
-from ..model import Law
+from ..physics.laws import Law
 from ..status import ImpactError, StatusCode, format_value
 from .estimates import DEVIATIONS, Estimate, estimates, formal_deviations, undetermined
 from .least_squares import LOSSES, NEGLIGIBLE_SQUARES, PRECISION, SEARCH_RANGES, LeastSquares, residual_unit
 from .measurements import Impacts, Measurements, informative
 
-LAWS = tuple(law for law in Law if law is not Law.AUTO)
+FITTED_LAWS = tuple(law for law in Law if law is not Law.AUTO)
 """The laws that can be fitted."""
 
 FEW_IMPACTS = 10
@@ -170,7 +170,7 @@ def _check(
     check_count("resamples", resamples, 2, MOST_RESAMPLES)
     check_count("seed", seed, 0, math.inf)
     for field, value, known in (
-        ("law", law, LAWS),
+        ("law", law, FITTED_LAWS),
         ("kind", kind, measured.kinds),
         ("loss", loss, tuple(LOSSES)),
         *(("fit", name, tuple(SEARCH_RANGES)) for name in fit),

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..batch.arrays import Array
-from ..model import Law
 from ..optional import missing
+from ..physics.laws import Law
 from ..status import ImpactError, StatusCode
 from .measurements import Measurements
 

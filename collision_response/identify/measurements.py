@@ -14,10 +14,11 @@ from ..batch import body_rows, contact_rows, resolve_batch
 from ..batch.arrays import Array
 from ..body_numbers import orientation_of
 from ..in_python.request_numbers import read_request
-from ..model import Geometry, ImpactModel, Law
+from ..model import Geometry, ImpactModel
 from ..physics.body import Body, Twist
 from ..physics.centre_of_mass import com_in_world_axes, with_com_as_reference
 from ..physics.contact import Contact
+from ..physics.laws import Law
 from ..physics.vector import Vec3, as_vector
 from ..resolve import resolve
 from ..status import ImpactError, StatusCode, format_value

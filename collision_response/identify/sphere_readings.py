@@ -10,9 +10,9 @@ import numpy as np
 
 from ..arguments import as_list, check_mapping, check_number, finite_number
 from ..batch.arrays import Array
-from ..model import Law
 from ..physics.body import Body, Twist
 from ..physics.contact import Contact
+from ..physics.laws import Law
 from ..physics.vector import Vec3
 from ..status import POSITIVE, ImpactError, StatusCode, format_value
 from .measurements import BODY, CoefficientValues, Impacts, Measurements

@@ -17,13 +17,13 @@ from typing import Any, NamedTuple
 from ..answer import Impact, bounded_vectors, make_impact
 from ..geometry import geometry_for
 from ..impact import ImpactNumbers, impact
-from ..model import ImpactModel, Law, ModelPlan, Precision, integrates_in_steps, plan_model
+from ..model import ImpactModel, ModelPlan, Precision, integrates_in_steps, plan_model
 from ..numbers import balls
 from ..numbers.balls import Ball, Undecided
 from ..numbers.operations import numbers_in
 from ..physics.body import Body
 from ..physics.contact import Contact
-from ..physics.laws import Regime, Settings
+from ..physics.laws import Law, Regime, Settings
 from .request_numbers import body_as_fractions, contact_as_fractions, read_request
 
 BITS = tuple(2**k for k in range(7, 15))

@@ -9,7 +9,7 @@ from .. import validity
 from ..arguments import check_number
 from ..kernels import library
 from ..model import ImpactModel, Precision
-from ..numbers.operations import Scalar, maximum, of_python, square_root
+from ..numbers.operations import Scalar, of_python, positive_part, square_root
 from ..physics.body import Body
 from ..physics.contact import Contact
 from ..physics.effective_mass import ContactKinematics
@@ -131,7 +131,7 @@ def _leave_to_fractions(*request: object) -> None:
 def _slip_speed_by_fractions(body_a: Body, body_b: Body, contact: Contact) -> float:
     n, u, n_u = _kinematics_in_fractions(body_a, body_b, contact._replace(friction=0.0))
     square = u.dot(u) - n_u * n_u / n.dot(n)  # below 0 by what is locked of u, which is rounding
-    return _as_float(square_root(maximum(square, 0 * square)))
+    return _as_float(square_root(positive_part(square)))
 
 
 def _kinematics_in_fractions(body_a: Body, body_b: Body, contact: Contact) -> tuple[Vec3, Vec3, Scalar]:

@@ -1,7 +1,6 @@
 // Read Python's numbers of any type as doubles, each with the error of its conversion.
 #pragma once
 #include <cmath>
-#include <cstring>
 #include <string>
 
 #include "python_objects.hpp"

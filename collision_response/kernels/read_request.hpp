@@ -1,5 +1,8 @@
 // Read the bodies and contacts of a request from Python, with clear errors for what is none.
 #pragma once
+#include <algorithm>
+#include <cstring>
+
 #include "constants.hpp"
 #include "read_numbers.hpp"
 

@@ -214,6 +214,11 @@ def minimum(x: Scalar, y: Scalar) -> Scalar:
     return choose(y < x, lambda: y, lambda: x)
 
 
+def positive_part(x: Scalar) -> Scalar:
+    """Return ``x`` where it is positive, else 0."""
+    return maximum(x, 0 * x)
+
+
 def or_one(x: Scalar) -> Scalar:
     """Return ``x`` where it is positive, else 1: the divisor of a quotient that is then not used."""
     return choose(x > 0, lambda: x, lambda: x * 0 + 1)
@@ -273,8 +278,7 @@ def _where_of(condition: Any) -> Callable[..., Any]:
     namespace = getattr(condition, "__array_namespace__", None)
     if namespace is None:
         module = sys.modules[type(condition).__module__.partition(".")[0]]
-        own: Callable[..., Any] = getattr(module, "where", None) or import_module("numpy").where
-        return own
+        return getattr(module, "where", None) or import_module("numpy").where
     xp = namespace()
     device = getattr(condition, "device", None)  # JAX compiles without devices
 

@@ -4,6 +4,7 @@ The files::
 
     body.py, contact.py          two bodies and where they touch
     mass_properties.py           mass, centre of mass and inertia of solids
+    centre_of_mass.py            a body at its centre of mass, and as a planar body
     effective_mass.py            both bodies as seen from the contact
     column.py                    one body as seen from a contact, along one direction
     inverse_inertia.py           a link of a mechanism

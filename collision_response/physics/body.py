@@ -284,6 +284,11 @@ class Body(NamedTuple):
         """Build a body that stays at rest, such as the ground; ``position`` in world axes [m]."""
         return cls.kinematic(position)
 
+    @property
+    def twist(self) -> Twist:
+        """The velocity at ``position``, and the angular velocity."""
+        return Twist(self.velocity, self.angular_velocity)
+
     def with_twist(self, twist: Twist) -> Body:
         """Return this body with another twist.
 

@@ -53,6 +53,7 @@ from ..numbers.operations import (
     may_have_effect,
     minimum,
     or_one,
+    positive_part,
     square_root,
 )
 from .body import ROUNDINGS, Body, Twist
@@ -364,7 +365,7 @@ class ContactKinematics(NamedTuple):
         """Whether a locked direction lies in the friction cone: no law determines the impulse along it."""
         n, locked = Vec3(*_scaled(*self.n)), self._locked_directions(self.inverse_effective_mass())
         nn, along = n.dot(n), n.dot(locked @ n)
-        across = square_root(maximum(nn - along, 0 * nn))
+        across = square_root(positive_part(nn - along))
         return self.has_locked_direction() & (across <= mu * square_root(along) * (1 + EDGE))
 
     def can_come_to_rest(self) -> Condition:

@@ -22,7 +22,17 @@ from functools import reduce
 from typing import Any, NamedTuple
 
 from ..arguments import is_finite, of_one_type, real_number
-from ..numbers.operations import Condition, Scalar, all_of, choose, maximum, negation, or_one, square_root
+from ..numbers.operations import (
+    Condition,
+    Scalar,
+    all_of,
+    choose,
+    maximum,
+    negation,
+    or_one,
+    positive_part,
+    square_root,
+)
 from ..status import ImpactError, StatusCode, format_value
 from .tensor import Symmetric3
 from .vector import AXES, Vec3
@@ -138,7 +148,7 @@ class InverseInertia(NamedTuple):
         linear = ROUNDING * self.xx + ROUNDING * self.yy + ROUNDING * self.zz  # their sum may be infinite
         angular = ROUNDING * self.aa + ROUNDING * self.bb + ROUNDING * self.cc
         floors = [linear] * 3 + [angular] * 3
-        units = [or_one(square_root(maximum(maximum(full[i, i], floors[i]), 0 * linear))) for i in range(6)]
+        units = [or_one(square_root(positive_part(maximum(full[i, i], floors[i])))) for i in range(6)]
         s = {(i, j): full[i, j] / units[i] / units[j] for i, j in _PLACES}
         for _ in range(6):
             pivot = reduce(maximum, (s[i, i] for i in range(6)))

@@ -14,6 +14,7 @@ import numpy as np
 
 from .. import Body, Contact, Impact, ImpactModel, SceneImpact
 from ..body_numbers import body_from_numbers, body_to_numbers
+from ..numbers.operations import map_numbers
 from ..physics.body import Twist
 
 
@@ -171,16 +172,9 @@ def _body_with_floats(body: Body) -> Body:
 
 def _answer_with_floats(impact: Any) -> Any:
     """Return an answer with floats; its numbers are all fractions, or all floats."""
-    return _without_fractions(impact) if isinstance(impact.kinetic_energy_before, Fraction) else impact
-
-
-def _without_fractions(value: Any) -> Any:
-    if isinstance(value, Fraction):
-        return float(value)
-    if isinstance(value, tuple):
-        parts = map(_without_fractions, value)
-        return value._make(parts) if hasattr(value, "_make") else tuple(parts)
-    return value
+    if not isinstance(impact.kinetic_energy_before, Fraction):
+        return impact
+    return map_numbers(lambda value: float(value) if isinstance(value, Fraction) else value, impact)
 
 
 class UnwritableEntries(Exception):

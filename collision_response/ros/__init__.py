@@ -11,7 +11,7 @@ The files::
     answer_log.py        publishes and records the answers
     diagnostics.py, throttled_warnings.py    what the node says about itself
     process.py, wheels.py    signals, timers, memory; releases of ROS
-    batch_client.py, scene_client.py    for clients: requests from arrays and from bodies
+    impact_client.py, batch_client.py, scene_client.py    for clients: requests from bodies and arrays
     sources.py, markers.py    the nodes that publish body states, and markers
 
 In these files, to refuse is to raise an :class:`ImpactError` with the code in parentheses.

@@ -42,7 +42,14 @@ contact, and are kept for subscribers."""
 
 
 class StateNotYetReceived(ImpactError):
-    """No suitable state has been received, but one may still come."""
+    """No suitable state has been received, but one may still come.
+
+    ``missing``: the arguments of :meth:`StateFinder.find`.
+    """
+
+    def __init__(self, code: StatusCode, field: str, reason: str, missing: tuple[str, str, str]) -> None:
+        super().__init__(code, field, reason)
+        self.missing = missing
 
 
 class StateFinder:
@@ -65,7 +72,6 @@ class StateFinder:
         self._not_before = nanoseconds(not_before)
         self._max_age, self._max_wait = parameters.max_state_age, parameters.max_state_wait
         self._frame_field, self._frame = f"{field}.frame_id", header.frame_id
-        self._asked_for = ("", "", "")  # by the last call of find()
         if parameters.world_frame and self._frame != parameters.world_frame:
             reason = (
                 f"is {quoted(self._frame)}, but the parameter world_frame is {quoted(parameters.world_frame)}"
@@ -86,7 +92,7 @@ class StateFinder:
                     self.find(*missing)
                 return (yield from look_up())
             except StateNotYetReceived as error:
-                missing = self._asked_for
+                missing = error.missing
                 if time.perf_counter() >= deadline:
                     reason = f"{error.reason}; waited {self._max_wait:.6g} s (max_state_wait)"
                     raise ImpactError(StatusCode.STALE_STATE, error.field, reason) from None
@@ -101,20 +107,20 @@ class StateFinder:
             StateNotYetReceived: if there is a ``not_before``, and no such state.
             ImpactError: UNKNOWN_BODY.
         """
-        self._asked_for = owner, field, name
+        missing = owner, field, name
         try:
             state = self._states.find(field, name)
         except ImpactError as error:
             if not self._not_before:
                 raise
-            raise StateNotYetReceived(error.code, error.field, error.reason) from None
+            raise StateNotYetReceived(error.code, error.field, error.reason, missing) from None
         stamp, time_of_contact = nanoseconds(state.header.stamp), self._time or self._states.now()
         if self._not_before and (not stamp or stamp < self._not_before):
             fault = f"is {(self._not_before - stamp) / 1e9:.6g} s older than not_before"
             if not stamp:
                 fault = "has no stamp, which not_before requires"
             reason = f"the last state of {quoted(name)} {fault}"
-            raise StateNotYetReceived(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason)
+            raise StateNotYetReceived(StatusCode.STALE_STATE, f"{owner}.header.stamp", reason, missing)
         age = (time_of_contact - stamp) / 1e9 if stamp and time_of_contact else math.nan
         return state, age
 

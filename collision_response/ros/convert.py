@@ -304,8 +304,7 @@ def write_answer(
 
 def notes_of(impact: Impact | SceneImpact) -> Iterator[str]:
     """What a person should know about an answer."""
-    if impact.adjustments:
-        yield from (note for flag, note in ADJUSTMENT_NOTES.items() if flag in impact.adjustments)
+    yield from (note for flag, note in ADJUSTMENT_NOTES.items() if flag in impact.adjustments)
     if impact.status is StatusCode.TOLERANCE_NOT_MET:
         tolerance = impact.model.tolerance
         above = f", above the tolerance of {tolerance:.3g}" if tolerance else ""

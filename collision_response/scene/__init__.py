@@ -19,8 +19,7 @@ Each law has its derivation and its sources at the head of one file: FRICTIONLES
 the others in ``coulomb.cpp``, ``moreau.cpp`` and ``routh_stronge.cpp`` of ``kernels/scene/``.
 
 There are two kinds of cluster: ``Cluster`` of ``kernels/cluster_object.cpp``, in double-double with a bound
-on its error, and the exact :class:`~collision_response.scene.rational_cluster.RationalCluster`, which
-``rational_algebra.py`` solves.
+on its error, and the exact one of ``rational_cluster.py``, which ``rational_algebra.py`` solves.
 
 ``kernels/resolve_scene.cpp`` takes the same steps without Python, for the usual scene: all numbers are
 floats, clusters of several contacts have the law FRICTIONLESS, COULOMB or MOREAU, no contact is given twice,

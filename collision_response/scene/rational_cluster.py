@@ -191,7 +191,7 @@ class RationalCluster:
         vectors = [c.normal * x for c, x in zip(self._contacts, least, strict=True)]
         return ImpulseEffect(
             changes=changes,
-            twists=[Twist(body.velocity, body.angular_velocity) for body in moved],
+            twists=[body.twist for body in moved],
             impulses=vectors,
             normal_velocities_before=self.normal_velocities(),
             normal_velocities_after=[u / length for u, length in zip(after, lengths, strict=True)],

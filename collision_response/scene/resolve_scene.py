@@ -251,7 +251,7 @@ def _combine(
             body = _read_body(i, given, options.exact)
             energy = kinetic_energy(body) if options.exact else library.kinetic_energy(body)
             energies = [energies[0] + energy, energies[1] + energy, *energies[2:]]
-            twists[i] = Twist(body.velocity, body.angular_velocity)
+            twists[i] = body.twist
     if not (options.exact or all(map(math.isfinite, energies))):
         raise library.refusal(StatusCode.OUT_OF_RANGE)
     contacts, impulses, before, after, regimes = zip(*rows, strict=True) if rows else ((),) * 5

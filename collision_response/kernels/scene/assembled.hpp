@@ -1,6 +1,5 @@
 // One body and one contact of a cluster, with the numbers that the arithmetic of the cluster needs.
 #pragma once
-#include <optional>
 
 #include "../numbers.hpp"
 #include "column.hpp"

@@ -5,8 +5,6 @@
 
 namespace {
 
-double length_of(const Axes& v) { return std::sqrt(dot(v.data(), v.data(), 3)); }
-
 // The greatest tilt between neighbours on a face, and the greatest height of a contact over its plane, relative to its size.
 constexpr double TILT = 4.5e-5;
 
@@ -40,7 +38,7 @@ Plane plane_of(const Assembly& assembly, const List<int>& face) {
     const AssembledContact& contact = assembly.contacts[i];
     const Axes own = contact.unit_vectors<double>()[0];
     for (int k = 0; k < 3; ++k) {
-      plane.normal[k] += std::copysign(1, dot(first.data(), own.data(), 3)) * own[k];  // the bodies may be swapped
+      plane.normal[k] += std::copysign(1, dot(first, own)) * own[k];  // the bodies may be swapped
       plane.middle[k] += contact.point[k] / static_cast<double>(face.size());
     }
   }
@@ -57,16 +55,16 @@ ConditionAxes axes_on(const Plane& plane, const AssembledContact& contact) {
   ConditionAxes axes{contact.axes};
   axes.on_face = true;
   const Axes from_middle = difference(contact.point, plane.middle.data());
-  const double height = dot(plane.normal.data(), from_middle.data(), 3);
+  const double height = dot(plane.normal, from_middle);
   for (int k = 0; k < 3 && std::fabs(height) <= TILT * plane.size; ++k) axes.above[k] = height * plane.normal[k];
   const std::array<Axes, 3> to = axes_along(plane.normal), from = contact.unit_vectors<double>();
-  const double sign = std::copysign(1, dot(to[0].data(), from[0].data(), 3));
+  const double sign = std::copysign(1, dot(to[0], from[0]));
   for (int k = 0; k < 3; ++k) axes.is_turned = axes.is_turned || std::fabs(sign * to[0][k] - from[0][k]) > ROUNDING;
   if (!axes.is_turned) return axes;
   axes.axes = {};
   for (int a = 0; a < 3; ++a)
     for (int b = 0; b < 3; ++b) {
-      const double part = axes.in_own[a][b] = sign * dot(to[a].data(), from[b].data(), 3);
+      const double part = axes.in_own[a][b] = sign * dot(to[a], from[b]);
       axes.axes[a].velocity += part * contact.axes[b].velocity;
       for (int side = 0; side < 2; ++side)
         for (int k = 0; k < 6; ++k) axes.axes[a].row[side][k] += part * contact.axes[b].row[side][k];

@@ -132,7 +132,7 @@ struct LeastWork {
     auto& [P, after, error] = found;
     result.error += error;
     if (creates_energy(after, P)) {
-      result.error += distance_from_before(after);
+      result.error += norm_of(difference(after.y, before.y));
       return result;
     }
     const double error_of_stop = stop_approach(after, error, P);
@@ -234,8 +234,7 @@ struct LeastWork {
     pressing.aim_at(effect);
     pressing.prepare();
     pressing.solve_from_zero(HARD);
-    const Vector off = difference(pressing.motion(), effect);
-    return std::sqrt(dot(off, off));
+    return length_of(difference(pressing.motion(), effect));
   }
 
   // Whether friction presses contacts that are not loaded without it.
@@ -254,14 +253,14 @@ struct LeastWork {
     const AssembledContact& contact = assembly.contacts[i];
     const double little = LITTLE * speed / contact.unit();
     const Axes u = before.velocity(i);
-    const double along_face = dot(axes.in_own[0].data(), u.data(), 3);
+    const double along_face = dot(axes.in_own[0], u);
     Axes sum{u[0], 0, 0};
     if (std::fabs(along_face - u[0]) <= little)
       for (int k = 0; k < 3; ++k) sum[k] = along_face * axes.in_own[0][k];
     const Axes by_turning = cross(before.spin(i).data(), axes.above.data());
     const auto own = contact.unit_vectors<double>();
     if (std::hypot(by_turning[0], by_turning[1], by_turning[2]) <= little)
-      for (int k = 0; k < 3; ++k) sum[k] += dot(by_turning.data(), own[k].data(), 3);
+      for (int k = 0; k < 3; ++k) sum[k] += dot(by_turning, own[k]);
     return sum;
   }
 
@@ -368,10 +367,6 @@ struct LeastWork {
     };
     const double gain = work(after, P) - work(before, normal_only);
     return !(gain - 0x1p-48 * size <= 0);
-  }
-  double distance_from_before(Motion motion) const {
-    for (size_t k = 0; k < motion.y.size(); ++k) motion.y[k] -= before.y[k];
-    return norm_of(motion.y);
   }
   double norm_of(const Vector& y) const {
     double square = 0;

@@ -37,8 +37,6 @@
 
 namespace {
 
-double length_of(const Vector& y) { return std::sqrt(dot(y, y)); }
-
 // The conditions, in units of `speed`.
 class Conditions {
  public:
@@ -54,7 +52,7 @@ class Conditions {
       const AssembledContact& contact = assembly.contacts[i];
       Cone<double> cone = cone_of(contact, given[i].axes, speed, mean);
       for (int k = 0; k < (cone.mu > 0 ? 3 : 1); ++k)
-        cone.w[k] -= dot(given[i].in_own[k].data(), rebounds[i].data(), 3) * contact.unit() / speed;
+        cone.w[k] -= dot(given[i].in_own[k], rebounds[i]) * contact.unit() / speed;
       graph.pairs.push_back({cone.body[0], cone.body[1]});
       cones.push_back(cone);
     }

@@ -116,9 +116,6 @@ struct AppliedImpulses {
   }
 };
 
-// The greater of two errors. One that is not a number is infinite; fmax would ignore it.
-double greater_error(double a, double b) { return b == b ? std::fmax(a, b) : INFINITY; }
-
 // Set the motion of the bodies, their kinetic energies and the error bound.
 void set_motion(const AppliedImpulses& applied, ImpulseEffect& effect) {
   const Assembly& assembly = applied.assembly;
@@ -141,7 +138,7 @@ void set_motion(const AppliedImpulses& applied, ImpulseEffect& effect) {
     worst = greater_error(worst, applied.error * norm_ratio(body));
   }
   effect.error_bound = largest > 0 ? (worst + rounding) / std::fmax(largest - worst - rounding, 0)
-                                   : (worst > 0 ? INFINITY : 0);
+                                   : (worst <= 0 ? 0 : INFINITY);
   if (!(effect.error_bound == effect.error_bound)) effect.error_bound = INFINITY;
 }
 

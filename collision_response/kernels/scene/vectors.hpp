@@ -62,6 +62,11 @@ template <class R>
 R dot(const List<R>& a, const List<R>& b) {
   return dot(a.data(), b.data(), a.size());
 }
+inline double dot(const Axes& a, const Axes& b) { return dot(a.data(), b.data(), 3); }
+template <class V>
+double length_of(const V& v) {
+  return std::sqrt(dot(v, v));
+}
 template <class R>
 std::array<R, 3> cross(const R* a, const R* b) {
   return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};

@@ -12,7 +12,8 @@ The files::
     routh_by_speed.py      the same laws where friction is a function of the slip speed
     compliant.py           COMPLIANT: springs along and across the normal; compliant_path.py integrates it
 
-Those that need a contact in its own axes take them from ``contact_frame.py``.
+Those that need a contact in its own axes take them from ``contact_frame.py``, and those that look for the
+extremes of a step take them from ``hermite.py``.
 ``CONTRIBUTING.md`` says how to add a law.
 """
 

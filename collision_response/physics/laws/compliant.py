@@ -108,6 +108,7 @@ from ...numbers.operations import (
     minimum,
     negation,
     or_one,
+    positive_part,
     square_root,
     values,
     varying_as,
@@ -171,7 +172,7 @@ def compliant(contact: ContactKinematics, coefficients: Coefficients) -> Outcome
     w1, w2, w_n = springs.velocity(P1, P2, P_n)
     total = certain(-(P1 * (s + w1) + P2 * w2 + P_n * (w_n - 1)) / 2)
     lost = (1 - e) * (1 + e) * y.F_max * y.F_max / 2
-    heat = maximum(total - lost, o)
+    heat = positive_part(total - lost)
 
     stuck = (y.has_stuck > 0) & (mu > 0)
     forward = choose(stuck, lambda: 1.0 * Regime.STICKING, lambda: 1.0 * Regime.SLIDING)

@@ -18,7 +18,6 @@ from typing import NamedTuple
 from ...numbers.operations import (
     Condition,
     Scalar,
-    add_up,
     choose,
     fixed,
     for_derivatives,
@@ -26,10 +25,11 @@ from ...numbers.operations import (
     minimum,
     negation,
     or_one,
+    positive_part,
     square_root,
     varying_as,
 )
-from .dormand_prince import ERROR_5, ORDER_3, STAGES, TOO_LONG, WEIGHTS, Row, step_error, step_factor
+from .dormand_prince import ERROR_5, ORDER_3, STAGES, TOO_LONG, WEIGHTS, Row, row_sum, step_error, step_factor
 from .hermite import Cubic
 
 EVENT = 2.0**-48
@@ -357,7 +357,7 @@ def _try_step(motion: Motion, y: State) -> Trial:
     slopes: list[tuple[Scalar, ...]] = []
 
     def total(row: Row, i: int) -> Scalar:
-        return h * add_up(weight * slopes[j][i] for j, weight in row)
+        return h * row_sum(row, slopes, i)
 
     for row in ((), *STAGES):
         slopes.append(motion.rates(*(v + total(row, i) for i, v in enumerate(start)) if row else start))
@@ -441,7 +441,7 @@ def _slip_growth(motion: Motion, y: State, h: Scalar, turned: Scalar, w: Scalar)
     a_A_a = y.a1 * y.a1 * springs.A11 + 2 * y.a1 * y.a2 * springs.A12 + y.a2 * y.a2 * springs.A22
     a_b = y.a1 * springs.b1 + y.a2 * springs.b2
     v_K_v = (w - 1) * (w - 1) + 2 * (w - 1) * mu * a_b + mu * mu * a_A_a
-    push = square_root(maximum(v_K_v, 0 * v_K_v) * k / w) * h
+    push = square_root(positive_part(v_K_v) * k / w) * h
     return _exponential((push + mu * square_root(k / (springs.kappa * w)) * turned) / 2)
 
 

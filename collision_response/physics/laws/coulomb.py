@@ -41,8 +41,8 @@ from ...numbers.operations import (
     called,
     choose,
     is_out_of_range,
-    maximum,
     or_one,
+    positive_part,
     square_root,
     varying_as,
 )
@@ -78,7 +78,7 @@ def coulomb(contact: ContactKinematics | ContactNumbers, coefficients: Coefficie
     regime = choose(in_cone, lambda: 1.0 * Regime.STICKING, lambda: slip_regime(contact, u + K @ P))
     lost_restitution = (1 - e) * (1 + e) * j * -contact.n_u / 2
     D_KD = -D.dot(u_I)
-    lost_friction = kappa * (2 - kappa) * maximum(D_KD, 0 * D_KD) / 2  # D_KD is below 0 only by rounding
+    lost_friction = kappa * (2 - kappa) * positive_part(D_KD) / 2  # D_KD is below 0 only by rounding
     size = D_t_squared + j * j * nn
     return Outcome(P, regime, lost_restitution, lost_friction, out_of_range=is_out_of_range(size, size / nn))
 

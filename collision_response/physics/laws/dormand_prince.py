@@ -12,9 +12,10 @@ Source: Hairer, Norsett & Wanner, *Solving ODEs I*, 1993, section II.5.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TypeAlias
 
-from ...numbers.operations import Scalar, choose, maximum, minimum, square_root
+from ...numbers.operations import Scalar, add_up, choose, maximum, minimum, square_root
 
 Row: TypeAlias = tuple[tuple[int, float], ...]
 
@@ -59,6 +60,11 @@ ERROR_5 = (
     (8, -0.35032884874997366), (9, 0.3341791187130175), (10, 0.08192320648511571),
     (11, -0.022355307863886294),
 )  # fmt: skip
+
+
+def row_sum(row: Row, slopes: Sequence[Sequence[Scalar]], i: int) -> Scalar:
+    """The sum ``sum a_j k_j`` that a row stands for, of component ``i`` of the ``k``."""
+    return add_up(weight * slopes[j][i] for j, weight in row)
 
 
 def step_error(e5: Scalar, e3: Scalar) -> Scalar:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ...numbers.operations import Condition, Scalar, choose, maximum, minimum, or_one, square_root
+from ...numbers.operations import Condition, Scalar, choose, minimum, or_one, positive_part, square_root
 
 NEWTON_STEPS = 3
 """Steps of Newton's method to a crossing, from that of the chord."""
@@ -39,7 +39,7 @@ class Cubic(NamedTuple):
     def crest(self) -> Scalar:
         """Where it is greatest, if it rises at ``x = 0`` and falls at ``x = 1``."""
         square = self.b * self.b - 4 * self.a * self.slope
-        both = square_root(maximum(square, 0 * square)) - self.b
+        both = square_root(positive_part(square)) - self.b
         return choose(both > 0, lambda: 2 * self.slope / both, lambda: 0 * both)
 
     def flattest(self) -> tuple[Condition, Scalar]:

@@ -56,12 +56,12 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import NamedTuple
 
-from ...numbers.operations import Scalar, add_up
+from ...numbers.operations import Scalar
 from ...status import ImpactError, StatusCode
 from ..effective_mass import ContactKinematics
 from ..vector import Vec3
 from .contact_frame import ContactFrame, Tangential
-from .dormand_prince import ERROR_5, ORDER_3, STAGES, WEIGHTS, Row, step_error, step_factor
+from .dormand_prince import ERROR_5, ORDER_3, STAGES, WEIGHTS, Row, row_sum, step_error, step_factor
 from .law import Coefficients, Law, Outcome, Regime
 from .routh import DEFAULT_TOLERANCE, GREATEST_FRICTION, LEAST_RESTITUTION, LEAST_TOLERANCE, PATH_SHARE
 from .routh_path import LONGEST, Path
@@ -362,7 +362,7 @@ class PathFollower:
         slopes: list[tuple[float, ...]] = []
 
         def total(row: Row, i: int) -> float:
-            return h * add_up(weight * slopes[j][i] for j, weight in row)
+            return h * row_sum(row, slopes, i)
 
         start, bends = (y.v1, y.v2, y.u), False
         for row in ((), *STAGES):

@@ -30,10 +30,11 @@ from ...numbers.operations import (
     maximum,
     minimum,
     negation,
+    positive_part,
     square_root,
     values,
 )
-from .dormand_prince import ERROR_5, ORDER_3, STAGES, TOO_LONG, WEIGHTS, Row, step_error, step_factor
+from .dormand_prince import ERROR_5, ORDER_3, STAGES, TOO_LONG, WEIGHTS, row_sum, step_error, step_factor
 from .hermite import Cubic
 
 Pair: TypeAlias = tuple[Scalar, Scalar]
@@ -282,7 +283,7 @@ def look_ahead(path: Path, y: TurningSlip) -> TurningSlip:
 
     def x_to_rest() -> Scalar:  # the root of u_n + r x + r_slope x^2 / 2 = 0
         square = r * r - 2 * r_slope * u_n
-        both = r + square_root(maximum(square, 0 * square))
+        both = r + square_root(positive_part(square))
         return choose((square >= 0) & (both > 0), lambda: -2 * u_n / both, lambda: never)
 
     def x_to_goal() -> Scalar:
@@ -365,13 +366,13 @@ def step(path: Path, y: TurningSlip) -> TurningSlip:
     h = choose(g_0 * h < -LONGEST, lambda: -LONGEST / g_0, lambda: h)
     decay = g_0 * h
     slopes = _slopes(path, y, h, decay)
-    rises = [_total(slopes, WEIGHTS, i) for i in range(9)]
+    rises = [row_sum(WEIGHTS, slopes, i) for i in range(9)]
     t1, t2, s, u_n = (v + rise for v, rise in zip((y.t1, y.t2, y.s, y.u_n), rises[:4], strict=True))
     dx, work, P1, P2, heat = rises[4:]
 
     safe_s = choose(s > 0, lambda: s, lambda: y.s)
-    fifth = [_total(slopes, ERROR_5, i) for i in (0, 1, 2, 5)]
-    third = [rises[i] - _total(slopes, ORDER_3, i) for i in (0, 1, 2, 5)]
+    fifth = [row_sum(ERROR_5, slopes, i) for i in (0, 1, 2, 5)]
+    third = [rises[i] - row_sum(ORDER_3, slopes, i) for i in (0, 1, 2, 5)]
     u_size = maximum(one, maximum(abs(y.u_n), abs(u_n)))  # u_n exceeds 1 if friction jams
     e5, e3 = (
         abs(t1 * e[1] - t2 * e[0]) + abs(e[2]) / safe_s + path.c * abs(e[3]) / (u_size * u_size)
@@ -432,18 +433,13 @@ def _slopes(path: Path, y: TurningSlip, h: Scalar, decay: Scalar) -> list[tuple[
     slopes: list[tuple[Scalar, ...]] = []
     start = (y.t1, y.t2, y.s, y.u_n)
     for row in ((), *STAGES):
-        t1, t2, s, u_n = (v + _total(slopes, row, i) for i, v in enumerate(start)) if row else start
+        t1, t2, s, u_n = (v + row_sum(row, slopes, i) for i, v in enumerate(start)) if row else start
         pace = 1 / (1 + decay * add_up(weight for _, weight in row)) if row else 1 + 0 * y.s  # dT / d eta
         h1, h2, hs = f1 - A11 * t1 - A12 * t2, f2 - A12 * t1 - A22 * t2, pace * s
         w, dx = pace * (t1 * h2 - t2 * h1), h * hs
         du = dx * (c - mb1 * t1 - mb2 * t2)
         slopes.append((-w * t2, w * t1, hs * (t1 * h1 + t2 * h2), du, dx, dx * u_n, dx * t1, dx * t2, dx * s))
     return slopes
-
-
-def _total(slopes: list[tuple[Scalar, ...]], row: Row, i: int) -> Scalar:
-    """The sum that a row of ``dormand_prince.py`` stands for, of the slopes of the number ``i``."""
-    return add_up(weight * slopes[j][i] for j, weight in row)
 
 
 def _with_crest(y: TurningSlip, crest: Crest) -> TurningSlip:

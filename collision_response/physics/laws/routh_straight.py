@@ -36,6 +36,7 @@ from ...numbers.operations import (
     maximum,
     minimum,
     negation,
+    positive_part,
     relative_exponential,
     relative_logarithm,
     square_root,
@@ -117,7 +118,7 @@ def ray_from_rest(path: Path, mu: Scalar) -> Ray:
         return Newton(at.G + step, step)
 
     # From |a| = |(G + k A) z| <= G + k tr(A): a lower bound of the root.
-    low = choose(sticks, lambda: 0 * one, lambda: maximum(1 - k_value * trace, 0 * one))
+    low = choose(sticks, lambda: 0 * one, lambda: positive_part(1 - k_value * trace))
     start = Newton(low, choose(sticks, lambda: 0 * one, lambda: one))
     root = iterate(start, lambda at: at.step > 1e-15 * minimum(at.G + k_value * trace, one), climb, RAY_STEPS)
     G = certain(root.G)

@@ -40,6 +40,7 @@ from ...numbers.operations import (
     iterate,
     maximum,
     negation,
+    positive_part,
     square_root,
     widened,
 )
@@ -243,7 +244,7 @@ def _narrows(at: Bracket) -> Condition:
 
 def _crossing(F: Scalar, slope: Scalar) -> Scalar:
     """The positive zero of ``F + slope s + s^2``, with ``F < 0``."""
-    both = abs(slope) + square_root(maximum(slope * slope - 4 * F, 0 * F))
+    both = abs(slope) + square_root(positive_part(slope * slope - 4 * F))
     return choose(slope > 0, lambda: -2 * F / safe_divisor(both), lambda: both / 2)
 
 
