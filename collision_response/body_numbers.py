@@ -26,9 +26,11 @@ def orientation_of(body: Body) -> Quaternion:
 
 
 def none_if_parallel(orientation: Quaternion) -> Quaternion | None:
-    """Return ``None``, as bodies have it, for axes that are parallel to the world's; else the orientation."""
-    x, y, z, w = orientation
-    return None if not (x or y or z) and w and math.isfinite(w) else orientation
+    """Return ``None``, as bodies have it, for axes that are parallel to the world's; else the orientation.
+
+    One of another length than 1 is returned, too: answers say that it was normalised.
+    """
+    return None if orientation[:3] == (0, 0, 0) and abs(orientation.w) == 1 else orientation
 
 
 def body_to_numbers(body: Body) -> list[float]:

@@ -408,9 +408,7 @@ def test_three_principal_moments_are_refused_with_the_right_form():
         Body.dynamic(1.0, (1.0, 2.0, 3.0))
 
 
-@pytest.mark.parametrize(
-    "values", ["123", b"123", bytearray(3), {1, 2, 3}, frozenset("abc"), {0: 1, 1: 2, 2: 3}]
-)
+@pytest.mark.parametrize("values", [b"123", bytearray(3), {1, 2, 3}, frozenset("abc"), {0: 1, 1: 2, 2: 3}])
 def test_a_vector_has_an_order(values):
     with pytest.raises(TypeError, match=r"^normal: must be \(x, y, z\), is "):
         Contact.of((0, 0, 0), values)

@@ -514,6 +514,17 @@ def test_an_unusable_received_body_affects_its_contacts_only(node_with_states, n
     assert np.isnan(result.velocity[..., 1:]).all() and np.isfinite(result.velocity[..., 0]).all()
 
 
+@pytest.mark.parametrize("w", [-1.0, 2.0])
+def test_a_body_that_is_not_rotated_needs_no_layout_with_orientations(graph, w):
+    graph.serve()
+    state = ball(name="ball")
+    state.pose.orientation.w = w
+    publish_until_received(graph, state)
+    contacts, table = contacts_of(Request.SPATIAL, 1), column(Request.SPATIAL, ball(-0.5, 3.0))[:, np.newaxis]
+    response = graph.call(pack(table, [[1], [0]], contacts, names=["ball"], frame_id="world"))
+    assert unpack(response).status.tolist() == [StatusCode.OK], response.message
+
+
 def test_the_last_of_the_names_may_end_with_a_newline(node_with_states):
     contacts, table = contacts_of(Request.POINT, 1), column(Request.POINT, ball(-0.5, 3.0))[:, np.newaxis]
     request = pack(table, [[1], [0]], contacts, names=["ball"], frame_id="world")

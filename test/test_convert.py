@@ -194,11 +194,11 @@ def test_the_length_of_a_quaternion_does_not_matter(length):
     assert vector_of(result.twist_a.linear) == near(vector_of(expected.twist_a.linear))
 
 
-@pytest.mark.parametrize("w", [1.0, -1.0, 2.0, 1 + 2**-52, 1e-160])
-def test_a_quaternion_that_does_not_rotate_is_none_to_the_core(w):
+@pytest.mark.parametrize("w", [1.0, -1.0, 2.0])
+def test_a_quaternion_that_does_not_rotate_is_none_to_the_core_unless_it_is_normalised(w):
     state = ball()
     state.pose.orientation.x, state.pose.orientation.w = -0.0, w
-    assert convert.body_of("body_a", state).orientation is None
+    assert convert.body_of("body_a", state).orientation == (None if abs(w) == 1 else (0.0, 0.0, 0.0, w))
 
 
 @pytest.mark.parametrize("w", [0.0, math.nan, math.inf])

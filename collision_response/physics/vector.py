@@ -72,7 +72,7 @@ class Vec3(NamedTuple):
         return square_root(square)
 
 
-NO_VECTORS = str, bytes, bytearray, set, frozenset, dict
+NO_VECTORS = bytes, bytearray, set, frozenset, dict
 """Types that can be iterated over, but are no numbers in an order."""
 
 

@@ -255,7 +255,7 @@ def _column(owner: str, state: BodyState, layout: Layout) -> list[float]:
     column = [body.mass, *body.inertia, *body.position, *body.velocity, *body.angular_velocity]
     if layout.oriented:
         return [*column, *orientation_of(body)]
-    if body.orientation and body.is_movable():
+    if body.orientation and any(body.orientation[:3]) and body.is_movable():
         reason = f"is {tuple(body.orientation)}: rotated bodies need the layout SPATIAL_ORIENTED"
         raise ImpactError(StatusCode.INVALID_ORIENTATION, f"{owner}.pose.orientation", reason)
     return column

@@ -394,6 +394,76 @@ class Conditions {
   }
 };
 
+// What the solutions of equations that differ a little tell about the error of y.
+class Neighbours {
+ public:
+  // farther: by how much velocities differ.
+  Neighbours(const Conditions& solved, double farther)
+      : solved(solved), farther(farther), greatest(solved.greatest()), kinds(solved.share_a_line() ? 2 : 1) {}
+
+  // The greatest change of y by other velocities; infinite if no solution is found.
+  double change_by_velocities() const {
+    double most = 0;
+    for (int kind = 0; kind < kinds; ++kind) {
+      bool is_known = false;
+      for (int k = 0; k < TRIES; ++k)
+        for (double size : {-farther, farther})
+          if (const auto other = solution({size, 0, 1.0 * k, kind > 0})) {
+            most = std::fmax(most, distance(*other));
+            is_known = true;
+          }
+      if (!is_known) return INFINITY;
+    }
+    return most;
+  }
+
+  // Whether slightly different velocities decide where P that creep end.
+  bool lead_elsewhere() const {
+    constexpr double SLIGHT = 1e-6;
+    for (int k = 0; k < TRIES; ++k)
+      for (double size : {-SLIGHT, SLIGHT})
+        if (const auto other = solution({size, 0, 1.0 * k, false}); other && distance(*other) > SEVERAL * greatest)
+          return true;
+    return false;
+  }
+
+  // The greatest change of y by other shares of the load, and at least `most`, which other velocities cause; infinite if it
+  // is large, or no solution is found.
+  double change_by_shares(double most) const {
+    constexpr double OTHER = 0.01;  // relative change of the shares
+    constexpr double EXCESS = 10;  // of a change of y over what other velocities explain
+    constexpr double APART = 10;  // change of y: these are solutions that lie apart
+    for (int kind = 0; kind < kinds; ++kind) {
+      bool is_known = false;
+      for (int k = 0; k < TRIES; ++k) {
+        const auto other = solution({0, OTHER, 1.0 * k, kind > 0});
+        if (!other || other->off() > farther) continue;
+        is_known = true;
+        const double change = distance(*other), by_shares = change / OTHER;
+        if (change < EXCESS * other->off() / farther * most || by_shares > APART * greatest) continue;
+        if (by_shares > std::fmax(SEVERAL * greatest, most)) return INFINITY;
+        most = std::fmax(most, by_shares);
+      }
+      if (!is_known) return INFINITY;
+    }
+    return most;
+  }
+
+ private:
+  static constexpr int TRIES = 3;
+  static constexpr double SEVERAL = 1e-3;  // change of y, relative to impulses: it matters which solution this is
+  const Conditions& solved;
+  double farther, greatest;
+  int kinds;  // of changes
+
+  std::optional<Conditions> solution(const Conditions::Change& by) const {
+    Conditions other = solved;
+    if (!other.solve_nearby(by)) return {};
+    return other;
+  }
+  double distance(const Conditions& other) const { return length_of(difference(other.y, solved.y)); }
+};
+
 // An estimate of the error of y: how far it is from the y of other velocities, and of other shares of the load. `turned`:
 // by how much velocities differ because contacts have the axes of their face.
 double motion_error(const Conditions& solved, double turned, bool on_faces) {
@@ -402,53 +472,14 @@ double motion_error(const Conditions& solved, double turned, bool on_faces) {
   constexpr double LEAST_OF_CREEPING = 1e-7;  // P is not followed to where it ends: far above the errors seen
   constexpr double FARTHER = 10;  // change of velocities, relative to off()
   constexpr double CAUTION = 4;  // the directions tried may not be those in which the error is greatest
-  constexpr int TRIES = 3;
-  const double greatest = solved.greatest(), unit = std::fmax(1, greatest), off = solved.off();
+  const double unit = std::fmax(1, solved.greatest()), off = solved.off();
   if (off > (on_faces ? CREEPING : EXACT) * unit) return INFINITY;  // P that creep have unknown limits
-  const double farther = std::fmax(FARTHER * std::fmax(off, ROUNDING * unit), turned);
-  auto nearby = [&](const Conditions::Change& by) -> std::optional<Conditions> {
-    Conditions other = solved;
-    if (!other.solve_nearby(by)) return {};
-    return other;
-  };
-  auto distance = [&](const Conditions& other) { return length_of(difference(other.y, solved.y)); };
-  const int kinds = solved.share_a_line() ? 2 : 1;  // of changes
-  double most = 0;
-  for (int kind = 0; kind < kinds; ++kind) {
-    bool is_known = false;
-    for (int k = 0; k < TRIES; ++k)
-      for (double size : {-farther, farther})
-        if (const auto other = nearby({size, 0, 1.0 * k, kind > 0})) {
-          most = std::fmax(most, distance(*other));
-          is_known = true;
-        }
-    if (!is_known) return INFINITY;
-  }
-
-  constexpr double SEVERAL = 1e-3, APART = 10;  // changes of y: of shares that matter, and of solutions that lie apart
-  constexpr double SLIGHT = 1e-6;  // change of velocities, which must not decide where P that creep end
-  const bool do_creep = off > EXACT * unit;
-  for (int k = 0; k < TRIES && do_creep; ++k)
-    for (double size : {-SLIGHT, SLIGHT})
-      if (const auto other = nearby({size, 0, 1.0 * k, false}); other && distance(*other) > SEVERAL * greatest)
-        return INFINITY;
-
-  constexpr double OTHER = 0.01;  // relative change of the shares
-  constexpr double EXCESS = 10;  // of a change of y over what this explains
-  for (int kind = 0; kind < kinds; ++kind) {
-    bool is_known = false;
-    for (int k = 0; k < TRIES; ++k) {
-      const auto other = nearby({0, OTHER, 1.0 * k, kind > 0});
-      if (!other || other->off() > farther) continue;
-      is_known = true;
-      const double change = distance(*other), by_shares = change / OTHER;
-      if (change < EXCESS * other->off() / farther * most || by_shares > APART * greatest) continue;
-      if (by_shares > std::fmax(SEVERAL * greatest, most)) return INFINITY;
-      most = std::fmax(most, by_shares);
-    }
-    if (!is_known) return INFINITY;
-  }
-  if (do_creep) most = std::fmax(most, LEAST_OF_CREEPING);
+  const bool does_creep = off > EXACT * unit;
+  const Neighbours neighbours(solved, std::fmax(FARTHER * std::fmax(off, ROUNDING * unit), turned));
+  double most = neighbours.change_by_velocities();
+  if (most == INFINITY || (does_creep && neighbours.lead_elsewhere())) return INFINITY;
+  most = neighbours.change_by_shares(most);
+  if (does_creep) most = std::fmax(most, LEAST_OF_CREEPING);
   return CAUTION * most;
 }
 

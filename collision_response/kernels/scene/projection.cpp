@@ -31,39 +31,81 @@ double projection_error(const Assembly& assembly, const List<int>& among, const 
   return (far + std::sqrt(far * far + 4 * (gap + far * distance))) / 2 * ROUND_UP * unit;
 }
 
-// The projection from velocities `start`, with active sets in the digits of R and impulses in double-double.
+// The search for the projection from velocities `start`, with active sets in the digits of R and impulses in double-double.
 template <class R>
-Projection project_with(const Assembly& assembly, const List<N>& start, const List<int>& among,
-                        const List<int>& guess) {
-  constexpr int MOST_RETURNS = 1, REFINEMENTS = 8;
-  constexpr double SETTLED = 2, APPROACH = 8;  // velocities relative to bounds on their rounding
-  const int count = assembly.count, most_rounds = 4 * count + 20;  // mostly, few contacts change
-  const List<AssembledContact>& contacts = assembly.contacts;
-  auto scale = [&](int j) { return constant<R>(contacts[j].scale); };
-  Projection result{MinimumStatus::FOUND, List<DD>(count), List<N>(count), INFINITY};
-  List<DD>& q = result.q;
-  List<N>& r = result.r;
-  List<R> b(count);
-  for (int i : among) b[i] = rounded_to<R>(start[i]) * scale(i);
-  Minimum<R> first = minimise(assembly.couplings<R>(), b, among, guess);
-  result.status = first.status;
-  if (result.status != MinimumStatus::FOUND) return result;
-  ActiveSet<R>& active = first.active;
-  for (int j : active.members) q[j] = lifted<DD>(first.x[j] * scale(j));
+class Search {
+ public:
+  Search(const Assembly& assembly, const List<N>& start, const List<int>& among)
+      : assembly(assembly), contacts(assembly.contacts), start(start), among(among), has_left(assembly.count) {}
 
+  Projection project(const List<int>& guess) && {
+    List<R> b(assembly.count);
+    for (int i : among) b[i] = rounded_to<R>(start[i]) * scale(i);
+    Minimum<R> first = minimise(assembly.couplings<R>(), b, among, guess);
+    found.status = first.status;
+    if (found.status != MinimumStatus::FOUND) return std::move(found);
+    for (int j : first.active.members) q[j] = lifted<DD>(first.x[j] * scale(j));
+    change_active_set(first.active);
+    for (DD& one : q)
+      if (one.h < 0) set(one, DD{0, 0});
+    if (!is_current) update_r();
+    found.active = first.active.members;
+    found.error = projection_error(assembly, among, q, start, r);
+    return std::move(found);
+  }
+
+ private:
+  const Assembly& assembly;
+  const List<AssembledContact>& contacts;
+  const List<N>& start;
+  const List<int>& among;
+  Projection found{MinimumStatus::FOUND, List<DD>(assembly.count), List<N>(assembly.count), INFINITY};
+  List<DD>& q = found.q;
+  List<N>& r = found.r;
   bool is_current = false;  // whether r are the velocities after q
-  bool is_settled = false;
-  auto update_r = [&] {
-    is_current = true;
-    List<N> twists = assembly.twist_changes(q.data());
-    for (int i : among) r[i] = start[i] + assembly.velocity_change(contacts[i], twists);
-  };
-  List<R> y;
-  List<char> has_left(count);
+  bool is_settled = false;  // whether those of the active set are 0 but for rounding
+  List<char> has_left;
   int returns = 0;  // of contacts that have left
-  for (int round = 0; round < most_rounds; ++round) {
+
+  R scale(int j) const { return constant<R>(contacts[j].scale); }
+  void set(DD& impulse, const DD& x) {
+    impulse = x;
+    is_current = false;
+  }
+  void update_r() {
+    is_current = true;
+    const List<N> twists = assembly.twist_changes(q.data());
+    for (int i : among) r[i] = start[i] + assembly.velocity_change(contacts[i], twists);
+  }
+
+  // Until no impulse pulls and no contact approaches, or R has too few digits.
+  void change_active_set(ActiveSet<R>& active) {
+    constexpr int MOST_RETURNS = 1;
+    const int most_rounds = 4 * assembly.count + 20;  // mostly, few contacts change
+    for (int round = 0; round < most_rounds; ++round) {
+      if (!refine(active)) return;
+      if (const int place = most_negative(active); place >= 0) {
+        set(q[active.members[place]], DD{0, 0});
+        active.drop(place);
+        continue;
+      }
+      const int entering = fastest_approach(active);
+      if (entering < 0) {
+        found.is_settled = is_settled;
+        return;
+      }
+      if (has_left[entering] && ++returns > MOST_RETURNS) return;  // they take turns
+      if (!add(entering, active)) return;  // the error bound says so
+    }
+  }
+
+  // Refine the active impulses, by Newton's method. Whether it does not diverge.
+  bool refine(const ActiveSet<R>& active) {
+    constexpr int REFINEMENTS = 8;
+    constexpr double SETTLED = 2;  // velocities relative to bounds on their rounding
     double residual = 0, first_residual = INFINITY;
-    for (int turn = 0; turn < REFINEMENTS; ++turn) {  // refine the active impulses, by Newton's method
+    List<R> y;
+    for (int turn = 0; turn < REFINEMENTS; ++turn) {
       update_r();
       is_settled = true;
       y.clear();
@@ -75,66 +117,59 @@ Projection project_with(const Assembly& assembly, const List<N>& start, const Li
       }
       if (is_settled) break;
       active.solve(y.data());
-      is_current = false;
       for (size_t k = 0; k < y.size(); ++k) {
-        int j = active.members[k];
-        q[j] = q[j] + lifted<DD>(y[k] * scale(j));
+        const int j = active.members[k];
+        set(q[j], q[j] + lifted<DD>(y[k] * scale(j)));
       }
     }
-    if (!is_settled && !(residual <= first_residual)) break;  // it diverges: R has too few digits
-    int worst = -1;  // the most negative impulse leaves
+    return is_settled || residual <= first_residual;
+  }
+
+  // The place in the active set of the impulse that pulls most, or -1.
+  int most_negative(const ActiveSet<R>& active) const {
+    int worst = -1;
     for (size_t k = 0; k < active.members.size(); ++k) {
-      int j = active.members[k], other = active.members[worst < 0 ? k : worst];
+      const int j = active.members[k], other = active.members[worst < 0 ? k : worst];
       if (q[j].h < 0 && (worst < 0 || q[j].h * contacts[other].scale < q[other].h * contacts[j].scale))
         worst = static_cast<int>(k);
     }
-    if (worst >= 0) {
-      q[active.members[worst]] = DD{0, 0};
-      is_current = false;
-      active.drop(worst);
-      continue;
-    }
-    int entering = -1;  // the contact that approaches fastest enters
+    return worst;
+  }
+
+  // The contact that approaches fastest, by more than rounding, or -1.
+  int fastest_approach(const ActiveSet<R>& active) const {
+    constexpr double APPROACH = 8;  // velocities relative to bounds on their rounding
+    int fastest = -1;
     double most = 0;
     for (int i : among) {
-      double slope = high(r[i]) * contacts[i].scale;
+      const double slope = high(r[i]) * contacts[i].scale;
       if (!active.has(i) && high(r[i]) < -APPROACH * r[i].error && slope < most) {
         most = slope;
-        entering = i;
+        fastest = i;
       }
     }
-    if (entering < 0) {
-      result.is_settled = is_settled;
-      break;
-    }
-    if (has_left[entering] && ++returns > MOST_RETURNS) break;  // they take turns: R has too few digits
-    is_current = false;
+    return fastest;
+  }
+
+  // Let a contact enter the active set. Whether the digits of R suffice.
+  bool add(int entering, ActiveSet<R>& active) {
     auto move = [&](int j, const R& by) {
       const bool leaves = high(by) == -INFINITY;
       has_left[j] = has_left[j] || leaves;
-      q[j] = leaves ? DD{0, 0} : q[j] + lifted<DD>(by * scale(j));
+      set(q[j], leaves ? DD{0, 0} : q[j] + lifted<DD>(by * scale(j)));
     };
-    MinimumStatus status = enter(active, entering, rounded_to<R>(r[entering]) * scale(entering), move,
-                                 [&](int j) { return rounded_to<R>(q[j]) / scale(j); });
-    if (status != MinimumStatus::FOUND) break;  // beyond what these digits can tell: the error bound says so
+    auto at = [&](int j) { return rounded_to<R>(q[j]) / scale(j); };
+    const R slope = rounded_to<R>(r[entering]) * scale(entering);
+    return enter(active, entering, slope, move, at) == MinimumStatus::FOUND;
   }
-  for (DD& one : q)
-    if (one.h < 0) {
-      one = DD{0, 0};
-      is_current = false;
-    }
-  if (!is_current) update_r();
-  result.active = active.members;
-  result.error = projection_error(assembly, among, q, start, r);
-  return result;
-}
+};
 
 }  // namespace
 
 Projection project(const Assembly& assembly, const List<N>& start, const List<int>& among, const List<int>& guess) {
-  const Projection found = project_with<double>(assembly, start, among, guess);
+  const Projection found = Search<double>(assembly, start, among).project(guess);
   if (found.status == MinimumStatus::FOUND && (found.is_settled || assembly.is_locked)) return found;
-  const Projection finer = project_with<DD>(assembly, start, among, found.active);
+  const Projection finer = Search<DD>(assembly, start, among).project(found.active);
   return found.error <= finer.error && found.status == MinimumStatus::FOUND ? found : finer;
 }
 

@@ -58,11 +58,10 @@ INLINE R dot(const R* a, const R* b, size_t count) {
   for (; k < count; ++k) sum.add(a[k], b[k]);
   return sum.total();
 }
-template <class R>
-R dot(const List<R>& a, const List<R>& b) {
+template <class V>
+auto dot(const V& a, const V& b) {
   return dot(a.data(), b.data(), a.size());
 }
-inline double dot(const Axes& a, const Axes& b) { return dot(a.data(), b.data(), 3); }
 template <class V>
 double length_of(const V& v) {
   return std::sqrt(dot(v, v));
