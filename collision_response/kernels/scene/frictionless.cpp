@@ -42,8 +42,10 @@ struct Reflections {
     const DD e = joined_restitution(first, e_error);
     result.restitution = e.h;
     double error = 0;
+    for (const N& velocity : first.r) result.stopped.push_back(high(velocity));
     auto inelastic = [&] {
       p = first.q;
+      for (int i = 0; i < assembly.count; ++i) result.stopped[i] = high(first.r[i]);
       result.no_rebound = result.restitution > 0;
       result.restitution = 0;
       result.error = e_error < INFINITY && error < INFINITY ? first.error : INFINITY;
@@ -62,6 +64,10 @@ struct Reflections {
       if (next.status != MinimumStatus::FOUND) return {false};
       double rounding = add(p, 2, next.q);
       error += 2 * next.error + rounding;
+      for (int i = 0; i < assembly.count; ++i) {
+        const bool is_violated = std::binary_search(seen.violated.begin(), seen.violated.end(), i);
+        result.stopped[i] = std::fmin(result.stopped[i], high(is_violated ? next.r[i] : u[i]));
+      }
       u = assembly.velocities(p.data());
     }
     // e p_GR + (1 - e) p_P

@@ -10,6 +10,8 @@ struct ClusterImpulses {
   double restitution = -1;  // the one used for all contacts; -1: each contact has its own
   bool no_rebound = false;  // reflections did not end: restitution is 0
   List<int> may_press{};  // the contacts that may have an impulse, by the law; empty: any
+  // Of each contact without friction, the least velocity along the normal where the others have stopped; empty: not known.
+  Vector stopped{};
   bool have_least_norm = false;  // whether no others with the same effect are smaller
   Vector tangential{};  // across the normals, two for each contact; empty without friction
 };

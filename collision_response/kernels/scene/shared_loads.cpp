@@ -222,7 +222,7 @@ bool are_on_one_face(const Assembly& assembly, int i, int j, double tilt) {
   return product > 1 - tilt * tilt / 2;
 }
 
-SharedLoads share_loads(const Assembly& assembly, const List<DD>& p) {
+SharedLoads share_loads(const Assembly& assembly, const List<DD>& p, const List<char>& parting) {
   constexpr double SMALL = 1e-10;  // a load, relative to those of its bodies
   constexpr double NEVER_ROUNDING = 1e-6;  // a load, also relative: from here on, rounding does not decide it
   constexpr double NO_LOAD = 1e-20;  // relative to the greatest: where impulses cancel, it is rounding
@@ -270,6 +270,7 @@ SharedLoads share_loads(const Assembly& assembly, const List<DD>& p) {
       if (!nearly) nearly.emplace(assembly, loads, touched);
       part = std::fmax(part, nearly->part_of(i));
     }
+    if (parting[i]) part = 0;
     result.part[i] = part > LEAST_PART ? std::fmin(part, 1) : 0;
   }
   // Loads that small differences decide are known to few digits, those that are nearly shared to all.

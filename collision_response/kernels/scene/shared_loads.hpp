@@ -26,5 +26,5 @@ struct SharedLoads {
   Vector part;  // from 0 to 1
 };
 
-// Share the loads of impulses p.
-SharedLoads share_loads(const Assembly& assembly, const List<DD>& p);
+// Share the loads of impulses p. Contacts that part have no part in them.
+SharedLoads share_loads(const Assembly& assembly, const List<DD>& p, const List<char>& parting);
