@@ -24,8 +24,8 @@
 //
 // All contacts that can carry a load share it, if that hardly changes its effect. So a box whose corners are slightly
 // off a plane slides like one whose corners are in it. Where normals or lever arms differ by more than about 1e-4, a
-// contact that the load does not need takes less and less part in it. Nor are normal velocities kept where such small
-// differences decide them. Both change gradually, so that no choice of contacts has to be made, which would depend on
+// contact that the load does not need takes less and less part in it, and one that parts all the time takes none. Nor are
+// normal velocities kept where such small differences decide them. Both change gradually, so that no choice of contacts has to be made, which would depend on
 // their order.
 //
 // For one contact, least work is Chatterjee & Ruina's law in each of three cases: in the plane; where the contact sticks;
@@ -100,14 +100,14 @@ struct LeastWork {
   Motion before{assembly};  // friction
   double left_out = 0;  // bound on the effect of friction where contacts are loaded too little to take part
 
-  LeastWork(const Assembly& assembly, const ClusterImpulses& frictionless, double tolerance, List<char> parting)
-      : assembly(assembly), frictionless(frictionless), tolerance(tolerance), parting(std::move(parting)) {
+  LeastWork(const Assembly& assembly, const ClusterImpulses& frictionless, double tolerance, const List<char>& parting)
+      : assembly(assembly), frictionless(frictionless), tolerance(tolerance), parting(parting) {
     const List<AssembledContact>& contacts = assembly.contacts;
     for (int i = 0; i < assembly.count; ++i) {
       normal_only[i] = {frictionless.normal[i].h * contacts[i].length, 0, 0};
       before.apply(i, normal_only[i]);
       if (shared.part[i] > 0) loaded.push_back(i);
-      else if (shared.loads[i] > 0 && !this->parting[i]) left_out += effect_of_friction(i);
+      else if (shared.loads[i] > 0 && !parting[i]) left_out += effect_of_friction(i);
     }
     mean = mean_inverse_mass(assembly, loaded);
   }
