@@ -24,9 +24,9 @@
 //
 // All contacts that can carry a load share it, if that hardly changes its effect. So a box whose corners are slightly
 // off a plane slides like one whose corners are in it. Where normals or lever arms differ by more than about 1e-4, a
-// contact that the load does not need takes less and less part in it, and one that parts all the time takes none. Nor are
-// normal velocities kept where such small differences decide them. Both change gradually, so that no choice of contacts has to be made, which would depend on
-// their order.
+// contact that the load does not need takes less and less part in it. Nor are normal velocities kept where such small
+// differences decide them. Both change gradually, so that no choice of contacts has to be made, which would depend on
+// their order. Only a contact that parts all the time, and not just slightly, takes no part.
 //
 // For one contact, least work is Chatterjee & Ruina's law in each of three cases: in the plane; where the contact sticks;
 // and where normal and slip are uncoupled. In space, sliding, it takes more energy: docs/scenes.md has figures.
