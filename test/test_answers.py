@@ -358,6 +358,7 @@ def test_vectors_are_freed_as_other_objects():
         def __del__(self):
             Named.freed += 1
 
+    gc.collect()  # vectors of other tests, which might be freed meanwhile
     before = sys.getrefcount(Vec3), sys.getrefcount(Twist)
     for _ in range(1000):
         impact = resolve(BALL, FLOOR, TOUCH)
