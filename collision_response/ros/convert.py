@@ -161,7 +161,7 @@ def _check_immovable(owner: str, motion_type: int, twist: tuple[float, ...]) -> 
     if motion_type not in (BodyState.KINEMATIC, BodyState.STATIC):
         reason = f"must be DYNAMIC (0), KINEMATIC (1) or STATIC (2); is {motion_type}"
         raise ImpactError(StatusCode.INVALID_MOTION_TYPE, field, reason)
-    if motion_type == BodyState.STATIC and any(x > 0 or x < 0 for x in twist):
+    if motion_type == BodyState.STATIC and any(x > 0 or x < 0 for x in twist):  # the core refuses NaN
         reason = f"is STATIC, but the twist is not 0: {twist}"
         raise ImpactError(StatusCode.INVALID_MOTION_TYPE, field, reason)
 

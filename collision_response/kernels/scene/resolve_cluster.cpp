@@ -67,12 +67,9 @@ ClusterResult resolve_cluster(Cluster& cluster, const ClusterOptions& options, c
     }
     result.fell_back = true;
   }
-  ClusterImpulses impulses = reflections(assembly, options.threshold);
-  if (are_decided) {
-    ClusterImpulses exact = *decided;
-    exact.stopped = std::move(impulses.stopped);  // of which few digits are needed
-    impulses = std::move(exact);
-  }
+  ClusterImpulses impulses = are_decided ? *decided : reflections(assembly, options.threshold);
+  if (are_decided && has_friction)
+    impulses.stopped = reflections(assembly, options.threshold).stopped;  // few digits are enough for friction
   if (!impulses.are_found && assembly.is_locked) {
     result.refuse("press on each other, and may or may not contradict: too many to decide exactly");
   } else if (!impulses.are_found) {

@@ -300,9 +300,13 @@ def _error(
 
 
 def _surely_returns(y: State, F1: Scalar, F2: Scalar, pressure: Scalar, mu: Scalar) -> Condition:
-    """Whether little restitution lets the normal force fall to 0 at once: see "Little restitution" above."""
+    """Whether little restitution lets the normal force fall to 0 at once: see "Little restitution" above.
+
+    ``-e F_n'`` ends at ``F_0 / SAFETY`` or more, so the impulse is at most about ``SAFETY e F_0``.
+    """
     slips_at = square_root(F1 * F1 + F2 * F2) / or_one(mu)
-    return 16 * (y.F * (y.F + 2 * pressure) - pressure * slips_at) > y.F * y.F
+    rate_squared = y.F * (y.F + 2 * pressure) - pressure * slips_at
+    return SAFETY * SAFETY * rate_squared > y.F * y.F
 
 
 def _direction(u1: Scalar, u2: Scalar, b1: Scalar, b2: Scalar) -> tuple[Scalar, Scalar]:
